@@ -486,7 +486,9 @@ class _Recorder:
         return self._reader
 
     def result(self) -> Result:
-        return Result(self.reader, self._model)
+        result = Result(self.reader, self._model)
+        result.continued = self._continues is not None
+        return result
 
     def _open(self) -> Writer | Memory:
         if self._writer is None:

@@ -22,6 +22,7 @@ from test_view import page_data
 
 import holonom
 from holonom.cli.commands import invoke
+from holonom.cli.progress import RunProgress
 from holonom.store.layout import STATE
 from holonom.view import live
 from holonom.view.live import Live
@@ -170,6 +171,29 @@ def test_the_command_serves_the_page_while_it_runs(
     with pytest.raises(urllib.error.URLError):  # the server ended with the run
         urllib.request.urlopen(address, timeout=5)
     assert invoke(["run", str(model), "-o", output, "--open"]) == 1
+
+
+def test_a_run_that_ends_at_zero_is_shown_to_end_there(
+    pendulum: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ends: list[float | None] = []
+
+    class Watched(Live):
+        def __init__(self, model: holonom.Model, end_time: float | None) -> None:
+            super().__init__(model, end_time)
+            ends.append(self._end)
+
+    class Told(RunProgress):
+        def __init__(self, model: holonom.Model, end_time: float | None, **more: bool) -> None:
+            super().__init__(model, end_time, **more)
+            ends.append(self._end)
+
+    monkeypatch.setattr("holonom.view.live.Live", Watched)
+    monkeypatch.setattr("holonom.cli.running.RunProgress", Told)
+    line = ["run", str(pendulum), "-o", str(tmp_path / "rod.holonom"), "--watch", "-q"]
+    assert invoke([*line, "--start-time", "-0.5", "--end-time", "0"]) == 0
+    assert invoke(line) == 0
+    assert ends == [0.0, 0.0, 1.0, 1.0]  # the model's, where none is stated
 
 
 def test_ctrl_c_ends_run_and_server(tmp_path: Path) -> None:

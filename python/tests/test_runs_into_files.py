@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ import pytest
 from conftest import MODELS
 
 import holonom
-from holonom.base.errors import FileError, UsageError
+from holonom.base.errors import Exit, FileError, UsageError
 from holonom.certificate import Certification
 from holonom.cli.commands import invoke
 from holonom.report.page import render
@@ -493,6 +494,43 @@ def test_a_continuation_that_gets_nowhere_changes_nothing(
     assert invoke([*line, "--max-seconds", "1e-9"]) == 3
     assert older.read_bytes() == before
     assert _names(older.parent) == ["rod.holonom"]
+
+
+@pytest.mark.parametrize("more", [[], ["--keep"], ["--keep", "--certify"], ["-o", "a.holonom"]])
+def test_the_advice_after_ctrl_c_goes_on_from_the_result(
+    pendulum: Path,
+    tmp_path: Path,
+    more: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert invoke(["run", str(pendulum), "--end-time", "0.1"]) == 0
+    before = Path("results/rod.holonom").read_bytes()
+    plain, long = Writer.append, ["--end-time", "1000", "--interval", "0.05"]
+
+    def append(self: Writer, chunk: dict[str, np.ndarray]) -> None:
+        signal.raise_signal(signal.SIGINT)
+        plain(self, chunk)
+
+    with monkeypatch.context() as pressed:
+        pressed.setattr(Writer, "append", append)
+        assert invoke(["run", str(pendulum), *long, *more]) == Exit.INTERRUPTED
+    told = re.search(r"`holonom (run .*?)`, with the other .* goes on", capsys.readouterr().err)
+    assert told is not None
+    assert re.findall("`(--.*?)`", told[0]) == sorted({"--certify", "--keep"} & {*more})
+    line = [*shlex.split(told[1]), *long]
+    path = Path(line[line.index("--start") + 1])
+    with Result.load(path) as stopped:
+        assert (stopped.status, stopped.time[-1] < 1000.0) == ("interrupted", True)
+    assert invoke(line) == 0
+    # It is taken up bit for bit, as one run, and that is what is said.
+    assert re.search(rf"^continues +{path} of", capsys.readouterr().out, re.MULTILINE)
+    with Result.load(path) as result:
+        assert (result.status, result.time[-1]) == ("completed", 1000.0)
+        assert "parts" not in result.meta
+    assert (Path("results/rod.holonom").read_bytes() == before) is bool(more)
+    assert not Path("results/rod-3.holonom").exists()
 
 
 @pytest.mark.parametrize("time", ["nan", "inf", "-inf"])

@@ -22,7 +22,7 @@ class RunProgress:
         self._certify = certify
         self._steps = 0
         self._runs = 0
-        self._end = end_time or model.defaults.get("end_time") or 0.0
+        self._end = 0.0 if end_time is None else end_time
         self._start: float | None = None
         self._name = model.name
         self._shown = shown and sys.stderr.isatty()

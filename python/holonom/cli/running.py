@@ -7,7 +7,7 @@ import datetime as dt
 import math
 import os
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -83,7 +83,9 @@ def run(
 ) -> int:
     """Run a model and store the result."""
     loaded = load_model(model, values)
-    target = output or Path("results") / f"{loaded.name}.holonom"
+    by_default = Path("results") / f"{loaded.name}.holonom"
+    target = output or by_default
+    end = choices.get("end_time", loaded.defaults.get("end_time"))
     if at is not None and start is None:
         raise UsageError("`--at` is given without a result", help="add `--start RESULT`")
     if at is not None and not math.isfinite(at):
@@ -93,17 +95,15 @@ def run(
     if start is not None:
         with opened(start, recover=recover) as older:
             state, ran = older.state(at), older.meta
-        _require_later(choices, loaded, float(state["time"][0]), start)
+        _require_later(choices.get("start_time"), end, float(state["time"][0]), start)
     sources = [*loaded.sources, None if files.same_file(start, target) else start]
     if not keep:
         files.require_targets([(target, "result")], inputs=sources, force=force)
     before = _Older(target)
     failure: SimulationError | FileError | None = None
     with (
-        _watched(loaded, choices.get("end_time"), watch=watch, open_=open_) as live,
-        RunProgress(
-            loaded, choices.get("end_time"), certify=certify, shown=not (quiet or json_)
-        ) as progress,
+        _watched(loaded, end, watch=watch, open_=open_) as live,
+        RunProgress(loaded, end, certify=certify, shown=not (quiet or json_)) as progress,
     ):
         try:
             result = loaded.simulate(
@@ -121,7 +121,14 @@ def run(
         except (SimulationError, FileError) as error:
             if error.result is None:
                 raise
-            result, failure = error.result, _advised(error, model, output)
+            begins = {
+                "--at": at is not None,
+                "--certify": certify,
+                "--keep": keep,
+                "--start-time": "start_time" in choices,
+            }
+            result = error.result
+            failure = _advised(error, model, by_default, [flag for flag in begins if begins[flag]])
         except UsageError as error:
             if start is not None and error.code == "simulation/start-state":
                 raise _of_another_model(start, ran, loaded, error) from None
@@ -143,16 +150,14 @@ def run(
     return Exit.OK
 
 
-def _require_later(choices: Mapping[str, Any], model: Model, time: float, start: Path) -> None:
+def _require_later(stated: float | None, end: float | None, time: float, start: Path) -> None:
     """Refuse times of a run that do not go with the state (s) of a result that it starts from."""
-    stated = choices.get("start_time")
     if stated is not None and stated != time:
         raise UsageError(
             f"`--start-time` is {stated:g} s, and the run starts from the state of {start} at "
             f"{time:g} s",
             help="leave it out; `--at SECONDS` names the state to start from",
         )
-    end = choices.get("end_time", model.defaults.get("end_time"))
     if end is not None and end < time:
         raise UsageError(
             f"the run ends at {end:g} s, before the state of {start} at {time:g} s that it starts "
@@ -177,18 +182,30 @@ def _of_another_model(
 
 
 def _advised(
-    error: SimulationError | FileError, model: Path, output: Path | None
+    error: SimulationError | FileError, model: Path, by_default: Path, begins: Sequence[str]
 ) -> SimulationError | FileError:
-    """Say by which command a run that Ctrl-C ended goes on."""
+    """Say by which command a run that Ctrl-C ended goes on.
+
+    Parameters
+    ----------
+    error : SimulationError or FileError
+    model : path
+        As the command was given it.
+    by_default : path
+        Where results of the model go.
+    begins : sequence of str
+        The flags of the command with which a run goes on from nothing.
+    """
     result = error.result
     if isinstance(error, FileError) or result is None or result.path is None:
         return error
     if result.status != "interrupted":
         return error
     path = result.path
-    target = "" if output is None else f" -o {shlex.quote(str(path))}"
+    target = "" if files.same_file(path, by_default) else f" -o {shlex.quote(str(path))}"
     line = f"holonom run {shlex.quote(str(model))} --start {shlex.quote(str(path))}{target}"
-    tip = f"`{line}`, with the other options as they were, goes on from it"
+    without = f" but without {' and '.join(f'`{flag}`' for flag in begins)}" if begins else ""
+    tip = f"`{line}`, with the other options as they were{without}, goes on from it"
     return Interrupted(error.reason | {"help": f"what was computed is kept; {tip}"}, result)
 
 
@@ -205,7 +222,7 @@ def _watched(
     from holonom.view import open_address
     from holonom.view.live import Live
 
-    live = Live(model, end_time or model.defaults.get("end_time"))
+    live = Live(model, end_time)
     try:
         typer.echo(f"watch it at {live.address}", err=True)
         if open_ and not open_address(live.address):
@@ -234,7 +251,7 @@ class _Older:
         name = f"{self._target} of {moment:{'%H:%M' if today else '%Y-%m-%d %H:%M'}}"
         if result.path is None:
             say(f"{'keeps':<22}{name}: this run did not get beyond its start")
-        elif result.meta.get("parts"):
+        elif result.continued:
             say(f"{'continues':<22}{name}")
         elif files.same_file(result.path, self._target):
             say(f"{'replaces':<22}{name}")

@@ -42,7 +42,15 @@ class Facts:
     reader : Reader or Memory
     model : Model, optional
         The model that was run, where it is at hand.
+
+    Attributes
+    ----------
+    continued : bool
+        Whether the run that returned it went on from what its file held before; False of one that
+        was loaded.
     """
+
+    continued: bool = False
 
     def __init__(self, reader: Stored, model: Model | None = None) -> None:
         self._reader = reader
