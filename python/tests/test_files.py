@@ -255,15 +255,21 @@ def test_a_run_onto_a_full_disk_keeps_the_older_result(
         assert result["rod.position"].tobytes() == expected.tobytes()
 
 
-def test_a_write_protected_file_needs_force(stored: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    target = stored.with_name("page.html")
+@pytest.mark.parametrize("kind", ["report", "result", "model"])
+def test_a_write_protected_file_needs_force(
+    stored: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = stored.with_name("target")
     with Result.load(stored) as result:
-        result.report(target)
+        model = holonom.Model.from_text(PENDULUM)
+        write = {"report": result.report, "result": result.save, "model": model.save}[kind]
+        write(target)
         target.chmod(0o444)
         monkeypatch.setattr(os, "access", lambda path, mode: path != target)  # root may all
-        with pytest.raises(FileError, match="write-protected"):
-            result.report(target)
-        result.report(target, force=True)
+        with pytest.raises(FileError, match="write-protected") as refused:
+            write(target)
+        assert refused.value.code == "file/protected"
+        write(target, force=True)
     assert stat.S_IMODE(target.stat().st_mode) == 0o444
 
 

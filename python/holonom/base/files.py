@@ -73,10 +73,11 @@ class Kind:
 
 RESULT = "Holonom result"
 
-#: Kinds of files by name. A table has no place for a mark; its heading tells it.
+#: Kinds of files by name. A table has no place for a mark; its heading tells it. A model may begin
+#: with anything: who writes one reads what is there, and tells.
 KINDS = {
     "result": Kind(RESULT, (), endings=(".holonom",)),
-    "model": Kind("model", (), b"", (".toml", ".json")),
+    "model": Kind("model", (b"",), b"", (".toml", ".json")),
     "svg": Kind(
         "picture by Holonom", (b"<svg", b"<?xml"), b"<metadata>Holonom</metadata>", (".svg",)
     ),

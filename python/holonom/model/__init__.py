@@ -156,19 +156,20 @@ class Model(Compiled):
         ----------
         path : path
         force : bool
-            Whether a file that is no model may be replaced, and a name promise something else.
+            Whether a file that is no model, or is write-protected, may be replaced, and a name
+            promise something else.
 
         Raises
         ------
         FileError
-            If it cannot be written, something else than a model is there, or one that it extends.
+            If it cannot be written, something else than a model is there, one that it extends, or
+            one that is write-protected.
         UsageError
             If a new name promises another kind of file.
         """
         path = as_path(path)
         is_json = files.ending_of(path) == ".json"
         text = json.dumps(self.to_dict(), indent=2) if is_json else toml.written(self.to_dict())
-        known = False
         if files.found(path) is not None:
             for source in self._sources[1:]:
                 if files.same_file(path, source):
@@ -179,7 +180,6 @@ class Model(Compiled):
                     )
             try:
                 Model.load(path)
-                known = True
             except ModelError:
                 if not force:
                     raise FileError(
@@ -187,7 +187,7 @@ class Model(Compiled):
                         "take another name, or `force=True`",
                         code="file/protected",
                     ) from None
-        return files.write_text(path, "model", text, force=force or known)
+        return files.write_text(path, "model", text, force=force)
 
     @property
     def sources(self) -> tuple[Path, ...]:
