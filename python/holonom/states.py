@@ -54,12 +54,9 @@ def states_at(
     stored = reader.quantities
     found = {name: np.empty((times.size, stored[name].size)) for name in STATE if name in stored}
     for k in np.nonzero(~inside)[0]:
-        if not rows.size:
-            # A run that ended before its first output row.
-            raise UsageError(
-                f"there is no state at {times[k]} s; the run covers {span} s",
-                help="take a time of the run",
-            )
+        if not rows.size:  # a run that ended before its first output row
+            assert span is not None
+            raise _beyond(float(times[k]), *span)
         nearest = int(np.argmin(np.abs(rows - times[k])))
         if not abs(rows[nearest] - times[k]) <= slack[k]:
             raise _no_state(float(times[k]), rows, nearest, span)
@@ -210,16 +207,18 @@ def _no_state(
     if span is not None:
         first, last = min(first, span[0]), max(last, span[1])
     if not first <= time <= last:
-        return UsageError(
-            f"there is no state at {time} s; the run covers {first} s to {last} s",
-            help="take a time of the run",
-        )
+        return _beyond(time, first, last)
     text = f"no state is stored at {time} s; the nearest one is at {rows[nearest]} s"
     if span is None:
         return UsageError(text, help="run with `dense_output = true` to have states at any time")
     return UsageError(
         f"{text}, and steps are stored from {span[0]} s to {span[1]} s", help="take one of these"
     )
+
+
+def _beyond(time: float, first: float, last: float) -> UsageError:
+    text = f"there is no state at {time} s; the run covers {first} s to {last} s"
+    return UsageError(text, help="take a time of the run")
 
 
 def no_rows() -> UsageError:

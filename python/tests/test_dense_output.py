@@ -342,5 +342,5 @@ def test_a_run_that_was_killed_before_its_first_row_has_states(
     whole = wheel.simulate()
     for name, values in result.state(1.234).items():
         np.testing.assert_array_equal(values, whole.state(1.234)[name])
-    with pytest.raises(UsageError, match="the run covers"):
+    with pytest.raises(UsageError, match=r"the run covers 0\.0 s to 2\.0 s\n"):
         result.state(2.1)

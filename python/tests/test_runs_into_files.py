@@ -433,6 +433,15 @@ def test_a_result_without_rows_is_saved_and_read_back(tmp_path: Path) -> None:
         assert (found.status, found.stop_reason) == (result.status, result.stop_reason)
         with pytest.raises(AttributeError, match="there are none"):
             _ = found.statistics.steps
+        for empty in (result, found):
+            shapes = {"time": (0,), "q": (0, 0), "chassis.position": (0, 3)}
+            assert {name: empty[name].shape for name in shapes} == shapes
+            assert {
+                name: rows.shape for name, rows in empty.rows(0, 3, [*shapes]).items()
+            } == shapes
+            assert [empty.unit(name) for name in shapes] == ["s", "mixed", "m"]
+            assert [empty.matrix(name).shape[1] for name in shapes] == [1, 0, 3]
+            assert all(name in empty for name in shapes)
 
 
 def test_a_run_that_something_else_ended_says_what(model: holonom.Model, tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from holonom.model import Model
 from holonom.options import require_finite
 from holonom.result.facts import Facts
 from holonom.states import no_rows, states_at, vector
-from holonom.store.layout import STATE, Quantity
+from holonom.store.layout import STATE, Quantity, undescribed
 from holonom.store.memory import Memory, Stored
 
 
@@ -64,7 +64,7 @@ class Arrays(Facts):
             if name in self._reader.quantities:
                 values = self._reader.read(name)
             elif not self.time.size:  # the run ended before anything was stored
-                values = np.zeros((0, *(() if name in STATE else self._quantity(name).shape)))
+                values = np.zeros((0, *self._quantity(name).shape))
             else:
                 self._quantity(name)  # refuses unknown names, with the nearest ones
                 states = {part: self[part] for part in STATE if part in self._reader.quantities}
@@ -84,8 +84,7 @@ class Arrays(Facts):
         if not isinstance(name, str):
             return False
         whole, index = split_component(name)
-        stored = self._reader.quantities
-        quantity = stored.get(whole) or self.model.channels.get(whole)
+        quantity = self._known(whole)
         if quantity is None or index is None:
             return quantity is not None
         return len(quantity.shape) == 1 and index < quantity.size
@@ -256,6 +255,8 @@ class Arrays(Facts):
                 raise UsageError(text, help="rows are counted from 0: pass a whole number")
         stored = self._reader.quantities
         names = self.channels if channels is None else require_names(channels)
+        if not stored:  # the run ended before its first row
+            return {name: self[name] for name in names}
         found = {name: self._reader.rows(name, first, count) for name in names if name in stored}
         others = [name for name in names if name not in stored]
         if others:
@@ -308,12 +309,18 @@ class Arrays(Facts):
         whole = {split_component(pattern)[0] for pattern in patterns}
         return expand(patterns, stored if whole <= stored.keys() else self.model.channels)
 
-    def _quantity(self, name: str) -> Quantity:
+    def _known(self, whole: str) -> Quantity | None:
+        """Return what a name without component means: what is stored, or computable."""
         stored = self._reader.quantities
+        if whole in STATE and not stored:  # without rows nothing says how long vectors are
+            return undescribed(whole, () if whole == "time" else (0,))
+        return stored.get(whole) or self.model.channels.get(whole)
+
+    def _quantity(self, name: str) -> Quantity:
         whole, index = split_component(require_name(name))
-        quantity = stored.get(whole) or self.model.channels.get(whole)
+        quantity = self._known(whole)
         if quantity is None:
-            known = [*stored, *self.model.channels]
+            known = [*self._reader.quantities, *self.model.channels]
             tip = did_you_mean(nearest_channels(whole, known), LISTED)
             if is_from_end(whole):
                 tip = FROM_ZERO

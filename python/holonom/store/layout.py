@@ -158,6 +158,11 @@ class Quantity:
         return math.prod(self.shape)
 
 
+def undescribed(name: str, shape: tuple[int, ...]) -> Quantity:
+    """Return what an array is that is no channel: a part of the state."""
+    return Quantity(name, "s" if name == "time" else "mixed", "", shape)
+
+
 def row_checksum(table: str, row: Sequence[Any]) -> int:
     """Return the checksum of a row's columns: integers, floats, texts, bytes or None."""
     kinds, parts = [table], []

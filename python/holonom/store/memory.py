@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from holonom.base import files
 from holonom.store.attempts import Total, totals
-from holonom.store.layout import STATE, STEP_COLUMNS, Quantity, as_file_errors
+from holonom.store.layout import STATE, STEP_COLUMNS, Quantity, as_file_errors, undescribed
 from holonom.store.locks import only_writer
 from holonom.store.reader import Reader
 from holonom.store.writer import Writer
@@ -76,12 +76,10 @@ class Memory:
         first = next((chunk for chunk in self._chunks if len(chunk["time"])), {})
         arrays = {name: first[name] for name in STATE if name in first}
         arrays |= first.get("channels", {})
-        found = {}
-        for name, array in arrays.items():
-            unit = "s" if name == "time" else "mixed"
-            plain = Quantity(name, unit, "", array.shape[1:])
-            found[name] = self._channels.get(name, plain)
-        return found
+        return {
+            name: self._channels.get(name, undescribed(name, array.shape[1:]))
+            for name, array in arrays.items()
+        }
 
     @cached_property
     def _dense(self) -> list[dict[str, Any]]:

@@ -28,6 +28,7 @@ from holonom.store.layout import (
     insert,
     leave_wal,
     put_meta,
+    undescribed,
 )
 from holonom.store.locks import WriteLock
 
@@ -376,8 +377,7 @@ class Writer:
         ids, sizes = {}, {}
         for number, (name, array) in enumerate(arrays.items(), start=1):
             shape = tuple(int(n) for n in np.shape(array)[1:])
-            unit = "s" if name == "time" else "mixed"
-            known = self._channels.get(name, Quantity(name, unit, "", shape))
+            known = self._channels.get(name, undescribed(name, shape))
             row = (number, name, known.unit, known.frame, json.dumps(shape))
             insert(self._db, "quantity", row)
             ids[name] = number
