@@ -194,7 +194,7 @@ def _advised(
     by_default : path
         Where results of the model go.
     begins : sequence of str
-        The flags of the command with which a run goes on from nothing.
+        The flags that were given and with which the command would begin another run.
     """
     result = error.result
     if isinstance(error, FileError) or result is None or result.path is None:
