@@ -106,34 +106,27 @@ impl Document {
         format!("{:#}\n", root.to_json())
     }
 
-    /// The same with its patterns written out: all items under their names. Of a file in units of its own
-    /// all numbers are SI, with values in the place of expressions.
+    /// The same with its patterns written out, all items under their names, and values in the place of expressions: numbers
+    /// in SI, but for those of parameters, which have the units of the fields that used them. Of a file in units of its own
+    /// columns stand in the place of the names of tables.
     ///
     /// # Errors
-    /// What is wrong with the patterns.
+    /// What is wrong with the patterns or the fields.
     pub fn to_plain_json(&self) -> Result<String, ModelErrors> {
         let mut expanded = self.expanded();
-        if !expanded.errors.is_empty() {
-            let errors = std::mem::take(&mut expanded.errors);
+        let mut errors = std::mem::take(&mut expanded.errors);
+        let (mut json, found) = check_file(&expanded.root);
+        errors.extend(found);
+        if !errors.is_empty() {
             return Err(self.collect(errors, &expanded));
         }
-        if let Value::Table(file) = &mut expanded.root.value {
-            file.shift_remove("patterns");
+        if let Some(file) = json.as_object_mut() {
+            let in_si = Units::of(&expanded.root).are_si();
+            let done: &[&str] =
+                if in_si { &["patterns"] } else { &["units", "patterns", "tables"] };
+            done.iter().for_each(|name| drop(file.shift_remove(*name)));
         }
-        if !Units::of(&expanded.root).are_si() {
-            let (mut json, errors) = check_file(&expanded.root);
-            if !errors.is_empty() {
-                return Err(self.collect(errors, &expanded));
-            }
-            if let Some(file) = json.as_object_mut() {
-                // Values stand in the place of expressions, columns in that of the names of tables.
-                for done in ["units", "parameters", "tables"] {
-                    file.shift_remove(done);
-                }
-            }
-            return Ok(format!("{json:#}\n"));
-        }
-        Ok(format!("{:#}\n", expanded.root.to_json()))
+        Ok(format!("{json:#}\n"))
     }
 
     /// The tree with patterns written out and without what is switched off.

@@ -26,21 +26,26 @@ pub(super) fn triangles(bytes: &[u8], most: usize) -> Result<Triangles, String> 
         bytes.get(HEADER..HEADER + 4).and_then(|b| Some(u32::from_le_bytes(b.try_into().ok()?)));
     let body = bytes.get(HEADER + 4..).unwrap_or_default();
     let is_binary = count.is_some_and(|n| n as usize * TRIANGLE == body.len());
-    let corners = match std::str::from_utf8(bytes) {
-        Ok(text) if !is_binary && text.trim_start().starts_with("solid") => of_text(text, most)?,
-        _ if is_binary => of_binary(body, most)?,
-        _ => {
-            return Err(match count {
-                Some(n) => format!(
-                    "it is no STL file: a binary one of {n} triangles has {} bytes, this one {}",
-                    HEADER + 4 + n as usize * TRIANGLE,
-                    bytes.len()
-                ),
-                None => {
-                    "it is no STL file: it begins neither with `solid` nor with 84 bytes".to_owned()
-                }
-            });
-        }
+    let begins = |word: &str| {
+        let start = bytes.trim_ascii_start().get(..word.len());
+        start.is_some_and(|start| start.eq_ignore_ascii_case(word.as_bytes()))
+    };
+    let corners = if is_binary {
+        of_binary(body, most)?
+    } else if begins("solid") {
+        // Names of solids may be in any encoding.
+        of_text(&String::from_utf8_lossy(bytes), most)?
+    } else {
+        return Err(match count {
+            Some(n) => format!(
+                "it is no STL file: it begins not with `solid`, and a binary one of {n} triangles has {} bytes, this one {}",
+                HEADER + 4 + n as usize * TRIANGLE,
+                bytes.len()
+            ),
+            None => {
+                "it is no STL file: it begins neither with `solid` nor with 84 bytes".to_owned()
+            }
+        });
     };
     let mut known: IndexSet<[u32; 3]> = IndexSet::new();
     let mut faces = Vec::with_capacity(corners.len() / 3);
@@ -79,9 +84,15 @@ fn of_binary(body: &[u8], most: usize) -> Result<Vec<[f32; 3]>, String> {
 
 fn of_text(text: &str, most: usize) -> Result<Vec<[f32; 3]>, String> {
     let mut corners = Vec::new();
-    let mut words = text.split_whitespace();
+    // What follows `solid` and `endsolid` in their lines is a name.
+    let is_name = |line: &&str| {
+        let word = line.split_whitespace().next().unwrap_or_default();
+        ["solid", "endsolid"].iter().any(|start| word.eq_ignore_ascii_case(start))
+    };
+    let lines = text.lines().filter(|line| !is_name(line));
+    let mut words = lines.flat_map(str::split_whitespace);
     while let Some(word) = words.next() {
-        if word != "vertex" {
+        if !word.eq_ignore_ascii_case("vertex") {
             continue;
         }
         let mut corner = [0.0; 3];
@@ -148,8 +159,17 @@ mod tests {
 
     #[test] // independent truth: the corners that both files were written from
     fn both_kinds_of_files_give_the_same_triangles() {
-        for bytes in [binary(&FACES, "by hand"), binary(&FACES, "solid"), text(&FACES).into_bytes()]
-        {
+        let named = |name: &str| text(&FACES).replace("a tetrahedron", name);
+        let latin = "Geh\u{e4}use".chars().map(|c| c as u8).collect::<Vec<u8>>();
+        let [before, after] = ["solid ", &named("")[6..]].map(|part| part.as_bytes().to_vec());
+        for bytes in [
+            binary(&FACES, "by hand"),
+            binary(&FACES, "solid"),
+            text(&FACES).into_bytes(),
+            text(&FACES).to_uppercase().replace('\n', "\r\n").into_bytes(),
+            named("vertex plate, mm").into_bytes(),
+            [before, latin, after].concat(),
+        ] {
             let found = triangles(&bytes, 4).unwrap();
             assert_eq!(found.vertices.len(), 4);
             for (face, corners) in found.faces.iter().zip(FACES) {
@@ -171,8 +191,8 @@ mod tests {
             (&whole[..whole.len() - 1], "284 bytes, this one 283"),
             (&infinite[..], "not finite"),
             (&b"solid\nendsolid"[..], "no triangles"),
-            (&b"solid vertex 0 0 0"[..], "no whole triangles"),
-            (&b"solid vertex 0 x 0"[..], "`x` stands"),
+            (&b"solid\nvertex 0 0 0"[..], "no whole triangles"),
+            (&b"solid\nvertex 0 x 0"[..], "`x` stands"),
             (&whole[..], "more than 3 triangles"),
             (&binary(&[[0, 0, 1]], "")[..], "no triangles"),
         ] {

@@ -11,7 +11,11 @@ fn parse(text: &str) -> Result<Document, ModelErrors> {
 
 /// The model, number by number, as text.
 fn model(text: &str) -> String {
-    let built = parse(text).and_then(|document| document.build());
+    described(parse(text))
+}
+
+fn described(document: Result<Document, ModelErrors>) -> String {
+    let built = document.and_then(|document| document.build());
     let model = built.unwrap_or_else(|errors| panic!("{}", errors.render())).0;
     // Where it is not SI, a named table stands at the field that uses it.
     format!("{model:?}").replace("tables.path", "drivers.far.motion")
@@ -149,15 +153,21 @@ fn a_model_in_other_units_is_the_same_model() {
 
 #[test] // independent truth: the model itself, read again
 fn merged_and_plain_texts_are_the_same_model() {
-    let units = "units = { length = \"mm\", angle = \"deg\", mass = \"g\" }";
     let pi = std::f64::consts::PI;
-    let text = written(units, [(1.0, 1000.0), (pi, 180.0), (1.0, 1000.0), ONE]);
-    let document = parse(&text).unwrap();
-    let plain = document.to_plain_json().unwrap();
-    assert!(!plain.contains("\"units\"") && !plain.contains("\"=length\""), "{plain}");
-    for json in [document.to_json(), plain] {
-        let read = Document::parse(&json, Syntax::Json, "m.json", &mut |_| Err(String::new()));
-        assert_eq!(format!("{:?}", read.unwrap().build().unwrap().0), model(&text));
+    let own = "units = { length = \"mm\", angle = \"deg\", mass = \"g\" }";
+    let factors = [(1.0, 1000.0), (pi, 180.0), (1.0, 1000.0), ONE];
+    for (units, factors, length) in [("", [ONE; 4], 0.3), (own, factors, 300.0)] {
+        let half = "[parameters]\nhalf = { value = \"=length/2\", title = \"not used\" }";
+        let text = written(units, factors).replace("[parameters]", half);
+        let document = parse(&text).unwrap();
+        let plain = document.to_plain_json().unwrap();
+        assert!(!plain.contains("\"units\"") && !plain.contains("\"="), "{plain}");
+        let parameters = serde_json::from_str::<serde_json::Value>(&plain).unwrap();
+        assert_eq!(parameters["parameters"]["half"]["value"], 0.5 * length);
+        for json in [document.to_json(), plain] {
+            let read = Document::parse(&json, Syntax::Json, "m.json", &mut |_| Err(String::new()));
+            assert_eq!(described(read), model(&text));
+        }
     }
 }
 
