@@ -501,7 +501,17 @@ def test_the_command_writes_table_picture_and_json(
         ({"methods": "ForSDIRK"}, "pass a list"),
         ({"methods": []}, "at least one method"),
         ({"methods": [{"method": "ForSDIRK", "jacobi": "x"}]}, "did you mean `jacobian`"),
-        ({"methods": [{"method": "ForSDIRK", "tolerance": 1e-3}]}, "common"),
+        *(
+            ({"methods": [{"method": "ForSDIRK", name: value}]}, f"no `{name}`")
+            for name, value in {
+                "tolerance": 1e-3,
+                "channels": ["*"],
+                "start_time": 0.5,
+                "end_time": 3.0,
+                "interval": 0.1,
+                "output_times": [1.0],
+            }.items()
+        ),
         ({"tolerances": []}, "at least one method"),
         ({"tolerances": [-1.0]}, "positive"),
         ({"tolerance": 1e-3}, "give `tolerances`"),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.base.errors import UsageError
+from holonom.base.names import listed
 from holonom.base.text import quoted
 from holonom.model import Model
 from holonom.options import Options, Tolerance, require_method, unknown_method
@@ -24,6 +25,9 @@ REFERENCE_PART = 1000.0
 LEAST_TOLERANCE = 1e-12
 #: Formulas by how cheaply they reach a tight tolerance on a stiff model; others come after them.
 _RANKED = ("radau5", "sdirk4_15", "sdirk4_16", "rosenbrock4")
+
+#: Choices that all runs share: what they are compared at, and how long they last.
+_COMMON = ("tolerance", "channels", "start_time", "end_time", "interval", "output_times")
 
 #: What to try where a reference does not cover the run.
 _LONGER = "compare within its span, or let the reference be made on the spot"
@@ -46,10 +50,10 @@ def codes(asked: Sequence[str | Mapping[str, Any]] | None) -> dict[str, dict[str
         if not (isinstance(name, str) and isinstance(formula, str | None)):
             raise unknown_method(name, formula)
         code = require_method(name, formula)
-        if "tolerance" in options or "channels" in options:
+        if shared := [name for name in _COMMON if name in options]:
             raise UsageError(
-                "a method carries no `tolerance` and no `channels`",
-                help="these are common to all methods: give them beside the methods",
+                f"a method carries no {listed(shared)}",
+                help="this is common to all methods: give it beside them",
             )
         label = " ".join([code, *(f"{key}={value}" for key, value in options.items())])
         found[label] = {"method": code, **options}
