@@ -18,6 +18,8 @@ from holonom.base.names import METHODS, TOLERANCES, did_you_mean, listed, neares
 from holonom.base.names import OPTIONS as WORDS_OF_OTHERS
 from holonom.base.text import is_unicode, quoted
 
+#: Rows that times at an interval make at most, as of a run.
+MOST_ROWS = 10_000_000
 #: Largest count: whole numbers up to here are exact as numbers of any file.
 MOST = 2.0**53
 
@@ -450,6 +452,44 @@ def require_positive(name: str, value: object) -> float:
     if number <= 0.0:
         raise UsageError(f"`{name}` is {number}", help="it must be positive")
     return number
+
+
+def times_at(
+    interval: object, first: float, last: float, *, name: str = "interval", most: int = MOST_ROWS
+) -> list[float]:
+    """Return times at an interval, and the end: those at which a run has its rows.
+
+    Parameters
+    ----------
+    interval : float
+        s.
+    first, last : float
+        s; the last interval is shorter where the span is no multiple of it.
+    name : str, optional
+        What the interval is called where it was stated.
+    most : int, optional
+        How many there may be.
+
+    Raises
+    ------
+    UsageError
+        If the interval is not a positive finite number, or makes more times than that.
+    """
+    step = require_positive(name, interval)
+    if (last - first) / step + 1.0 > most:
+        raise UsageError(
+            f"`{name}` is {step:g}, which makes more than {most:.0e} rows",
+            help="take a longer interval",
+        )
+    # The last multiple may be beside the end by round-off.
+    reached = last - _ROUND_OFF * (last - first)
+    count = int((last - first) / step * (1.0 + _ROUND_OFF))
+    times = [time for k in range(count + 1) if (time := first + k * step) < reached]
+    return [*times, last]
+
+
+#: Times of a run that differ by this part of it are the same.
+_ROUND_OFF = 1e-12
 
 
 def _require_factor(name: str, value: object) -> float:

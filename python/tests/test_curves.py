@@ -55,6 +55,14 @@ def test_values_between_rows_come_from_the_steps(spring: Result) -> None:
     np.testing.assert_allclose(y, 0.2 * np.cos(10.0 * np.pi * x), atol=1e-5)  # the closed form
 
 
+def test_values_at_an_interval_end_with_the_run(spring: Result) -> None:
+    """Unless they must be evenly spaced, as for a spectrum or a filter."""
+    ((x, _),) = drawn(spring.plot("block.position[0]", interval=0.03))
+    np.testing.assert_allclose(x, [*(0.03 * np.arange(67)), 2.0])
+    (even,) = curves(spring, ["block.position[0]"], interval=0.03, even=True)
+    np.testing.assert_allclose(even.time, 0.03 * np.arange(67))
+
+
 def test_derivatives_are_those_of_the_motion(spring: Result) -> None:
     picture = spring.plot("block.position[0]", derivative=True, interval=1e-3)
     ((x, y),) = drawn(picture)

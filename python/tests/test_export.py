@@ -120,6 +120,14 @@ def test_the_command_writes_every_format_by_name_and_by_ending(
             np.testing.assert_array_equal(read(written), result.time)
 
 
+def test_rows_at_an_interval_end_with_the_run(pendulum: Path, tmp_path: Path) -> None:
+    result, table = tmp_path / "rod.holonom", tmp_path / "rod.csv"
+    assert invoke(["run", str(pendulum), "-q", "-o", str(result)]) == 0
+    line = ["export", str(result), "rod.position", "--interval", "0.3", "-o", str(table)]
+    assert invoke(line) == 0
+    np.testing.assert_allclose(pd.read_csv(table)["time (s)"], [0.0, 0.3, 0.6, 0.9, 1.0])
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -15,7 +15,7 @@ from conftest import PENDULUM
 import holonom
 from holonom import Options, Tolerance, UsageError
 from holonom.model import Arguments
-from holonom.options import Choices
+from holonom.options import Choices, times_at
 
 
 def test_stated_choices_are_plain_data() -> None:
@@ -137,3 +137,17 @@ def test_names_that_can_be_read_once_are_kept() -> None:
     names = ["rod.position", "pin.force"]
     assert Options(channels=(name for name in names)).to_dict() == {"channels": names}
     assert Options(channels=map(str, names)).channels == tuple(names)
+
+
+@pytest.mark.parametrize("interval", [0.3, 0.25, 1.0 / 3.0, 0.1, 0.1 + 1e-9, 0.7, 1.0, 5.0])
+def test_times_at_an_interval_are_the_rows_of_a_run(interval: float) -> None:
+    """Against the core, which makes its rows itself: multiples, and the end."""
+    model = holonom.Model.from_text(PENDULUM)
+    rows = model.simulate(start_time=0.2, end_time=1.2, interval=interval, tolerance=1e-2).time
+    assert times_at(interval, 0.2, 1.2) == rows.tolist()
+
+
+@pytest.mark.parametrize("interval", [1e-12, 1e-320, 0.0, float("nan"), "1"])
+def test_an_interval_that_makes_too_many_times_is_refused(interval: Any) -> None:
+    with pytest.raises(UsageError, match="`--interval` is"):
+        times_at(interval, 0.0, 1.0, name="--interval")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,12 +22,10 @@ from holonom.cli.arguments import (
 )
 from holonom.cli.terminal import complain, done
 from holonom.cli.words import read_times
+from holonom.options import times_at
 
 if TYPE_CHECKING:
     from holonom.result import Result
-
-#: Rows that an export makes at most, as a run.
-_MOST_ROWS = 1e7
 
 
 def export(
@@ -44,7 +41,10 @@ def export(
         ),
     ] = None,
     interval: Annotated[
-        float | None, seconds("--interval", "Time between rows; the stored rows by default.")
+        float | None,
+        seconds(
+            "--interval", "Time between rows, one of them at the end; those stored by default."
+        ),
     ] = None,
     times: Annotated[
         str | None, typer.Option(help="Times of the rows, s, with commas: 0.1,0.25.")
@@ -87,18 +87,10 @@ def _row_times(result: Result, interval: float | None, times: str | None) -> lis
         return read_times(times, "--times")
     if interval is None:
         return None
-    if not (interval > 0.0 and math.isfinite(interval)):
-        raise UsageError(f"`--interval` is {interval}", help="it must be positive and finite, s")
     if result.span is None and not result.time.size:
         raise UsageError(
             "the result has no rows and no stored steps: nothing to export",
             help="run the model again; `holonom info` says why this run ended",
         )
     first, last = result.span or (float(result.time[0]), float(result.time[-1]))
-    if (last - first) / interval > _MOST_ROWS:
-        raise UsageError(
-            f"`--interval` is {interval}, which makes more than {_MOST_ROWS:.0e} rows",
-            help="take a longer interval",
-        )
-    count = math.floor((last - first) / interval * (1.0 + 1e-12))
-    return [min(first + k * interval, last) for k in range(count + 1)]
+    return times_at(interval, first, last, name="--interval")

@@ -14,7 +14,7 @@ from holonom.base.errors import UsageError
 from holonom.base.text import quoted
 from holonom.channels import split_component
 from holonom.gauge import KINDS, own_tolerances, peak
-from holonom.options import Tolerance, require_finite, require_positive
+from holonom.options import Tolerance, require_finite, require_positive, times_at
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -258,11 +258,6 @@ def _times(result: Result, interval: float | None, *, even: bool) -> Series | No
         )
     length = span[1] - span[0]
     step = length / max(rows.size - 1, 200) if interval is None else interval
-    require_positive("interval", step)
-    if length / step > _MOST:
-        raise UsageError(
-            f"`interval` is {step:g} s, which makes more than {_MOST:.0e} values",
-            help="take a longer interval",
-        )
-    count = max(int(np.floor(length / step * (1.0 + 1e-12))), 1)
-    return np.asarray(np.minimum(span[0] + step * np.arange(count + 1), span[1]))
+    times = np.array(times_at(step, *span, most=_MOST))
+    # The last interval may be shorter.
+    return times if not even or signals.is_even(times) else times[:-1]

@@ -12,7 +12,7 @@ from holonom.base.errors import UsageError
 from holonom.base.names import listed
 from holonom.base.text import quoted
 from holonom.model import Model
-from holonom.options import Options, Tolerance, require_method, unknown_method
+from holonom.options import Options, Tolerance, require_method, times_at, unknown_method
 from holonom.options import methods as known_methods
 from holonom.result import Result
 
@@ -100,9 +100,7 @@ def times(model: Model, options: Options, given: Result | None) -> tuple[Series,
                 help=f"they must lie between {begin} s and {end} s",
             )
     elif options.interval is not None:
-        count = int(np.floor((end - begin + slack) / options.interval))
-        taken = begin + options.interval * np.arange(count + 1)
-        taken = np.append(taken[taken < end - slack], end)
+        taken = np.array(times_at(options.interval, begin, end))
     elif given is not None:
         taken = given.time[(given.time >= begin - slack) & (given.time <= end + slack)]
         kept = np.linspace(0, max(taken.size - 1, 0), min(taken.size, INTERVALS + 1))
