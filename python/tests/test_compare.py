@@ -590,6 +590,20 @@ def test_command_lines_that_cannot_be_used_say_why(
     assert "Traceback" not in output.err
 
 
+def test_runs_end_when_a_run_does_whatever_the_output_times(oscillator: holonom.Model) -> None:
+    few: dict[str, Any] = {"output_times": [0.0, 0.25, 0.5]}
+    comparison = holonom.compare(
+        oscillator, methods=["ForRadau"], tolerances=[1e-3], repeat=0, **few
+    )
+    run = oscillator.simulate(method="ForRadau", tolerance=1e-3, **few)
+    assert (comparison.end_time, comparison.n_times) == (run.options["end_time"], 3)
+    assert comparison.rows[0].counts["steps"] == run.statistics["steps"]
+    endless = holonom.Model.from_text(OSCILLATOR.replace("end_time = 1.0", ""), name="block")
+    for call in (endless.simulate, lambda **times: holonom.compare(endless, **times)):
+        with pytest.raises(holonom.UsageError, match="no end time"):
+            call(**few)
+
+
 def test_a_start_that_is_no_state_is_refused_before_the_runs(pendulum: Path) -> None:
     with pytest.raises(holonom.UsageError, match="`start` is 3"):
         holonom.compare(pendulum, start=3)  # type: ignore[arg-type]

@@ -77,8 +77,6 @@ def times(model: Model, options: Options, given: Result | None) -> tuple[Series,
     begin, end = options.start_time, options.end_time
     if begin is None:
         begin = float(model.defaults.get("start_time") or 0.0)
-    if end is None and options.output_times is not None:
-        end = options.output_times[-1]
     if end is None:
         end = model.defaults.get("end_time")
         if given is not None and given.time.size and not (end and end <= given.time[-1]):
