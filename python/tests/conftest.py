@@ -14,6 +14,7 @@ import pytest
 from browsers import Browser, one_browser
 from hypothesis import settings
 
+import holonom
 from holonom.store.layout import Quantity
 from holonom.store.writer import Writer
 
@@ -67,6 +68,21 @@ points = [[-1.0, 0.0], [{x}, 0.0]]
 stiffness = {stiffness}
 free_length = {free_length}
 """
+
+
+#: A mass of 1 kg on a spring, released 0.1 m from its rest: x = −0.1 + 0.1 cos(ω t), ω² = 400.
+OSCILLATOR = (
+    oscillator_text(mass=1.0, x=0.0, stiffness=400.0, free_length=0.9)
+    + """
+[simulation]
+end_time = 1.0
+"""
+)
+
+
+def displacement(t: np.ndarray) -> np.ndarray:
+    """Return where the block of `OSCILLATOR` is (m) at times (s)."""
+    return -0.1 + 0.1 * np.cos(20.0 * t)
 
 
 CHANNELS = {
@@ -158,6 +174,12 @@ def pendulum(tmp_path: Path) -> Path:
     path.parent.mkdir(parents=True)
     path.write_text(PENDULUM, encoding="utf-8")
     return path
+
+
+@pytest.fixture
+def oscillator() -> holonom.Model:
+    """The model of `OSCILLATOR`."""
+    return holonom.Model.from_text(OSCILLATOR, name="block")
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import MODELS, oscillator_text
+from conftest import MODELS, OSCILLATOR, displacement
 
 import holonom
 from holonom import Comparison
@@ -27,15 +27,6 @@ from holonom.base import files
 from holonom.cli.commands import invoke
 from holonom.study.accuracy import targets
 from holonom.study.plan import codes
-
-#: A mass of 1 kg on a spring, released 0.1 m from its rest: x = −0.1 + 0.1 cos(ω t), ω² = 400.
-OSCILLATOR = (
-    oscillator_text(mass=1.0, x=0.0, stiffness=400.0, free_length=0.9)
-    + """
-[simulation]
-end_time = 1.0
-"""
-)
 
 #: A body that turns freely about its vertical axis, at 5 rad/s: past π after 0.63 s.
 TOP = """
@@ -51,15 +42,6 @@ top = { angular_velocity = [0.0, 0.0, 5.0] }
 [simulation]
 end_time = 2.0
 """
-
-
-def displacement(t: np.ndarray) -> np.ndarray:
-    return -0.1 + 0.1 * np.cos(20.0 * t)
-
-
-@pytest.fixture
-def oscillator() -> holonom.Model:
-    return holonom.Model.from_text(OSCILLATOR, name="block")
 
 
 @pytest.fixture
@@ -102,29 +84,6 @@ def test_errors_are_those_against_the_exact_motion(oscillator: holonom.Model) ->
         assert row.status == "completed"
 
 
-def test_the_reference_is_made_by_two_codes_that_agree(oscillator: holonom.Model) -> None:
-    comparison = holonom.compare(
-        oscillator, methods=["ForSDIRK"], tolerances=[{"relative": 1e-4, "rotation": 1e-6}],
-        repeat=0,
-    )  # fmt: skip
-    reference = comparison.reference
-    assert reference is not None
-    expected = {"relative": 1e-7, "translation": 1e-7, "rotation": 1e-9}
-    assert reference.tolerance == pytest.approx(expected, rel=1e-12)
-    known = {method["name"]: method["formula"] for method in holonom.methods()}
-    assert known[reference.method] != known[reference.check_method]
-    assert reference.difference is not None
-    assert 0.0 < reference.difference < 0.1
-    assert comparison.rows[0].cpu_seconds is None
-
-
-def test_a_reference_that_its_check_contradicts_is_warned_of(oscillator: holonom.Model) -> None:
-    comparison = holonom.compare(
-        oscillator, methods=["DEABM"], tolerances=[1e-9], reference_tolerance=1e-5, repeat=0
-    )
-    assert any("in doubt" in warning for warning in comparison.warnings)
-
-
 def test_the_default_compares_all_implicit_codes_on_all_bodies() -> None:
     comparison = holonom.compare(MODELS / "double_pendulum" / "model.toml", repeat=1)
     implicit = [m["name"] for m in holonom.methods() if m["family"] != "explicit"]
@@ -148,93 +107,6 @@ def test_slopes_are_those_of_the_log_log_fit(oscillator: holonom.Model) -> None:
     points = [(row.tolerance.relative, comparison.error(row)) for row in comparison.rows]
     fit = np.polyfit(*np.log10(np.array(points, dtype=float).T), 1)
     assert comparison.slopes()["ForSDIRK"] == pytest.approx(fit[0])
-
-
-def test_a_stored_reference_is_compared_at_its_own_times(
-    oscillator: holonom.Model, tmp_path: Path
-) -> None:
-    path = tmp_path / "reference.holonom"
-    made = holonom.compare(
-        oscillator, methods=["ForSDIRK"], tolerances=[1e-4], save_reference=path, repeat=0
-    )
-    with holonom.load(path) as reference:
-        assert made.reference is not None
-        assert reference.meta["method"] == made.reference.method
-        for given in (path, str(path), reference):
-            again = holonom.compare(
-                oscillator, methods=["ForSDIRK"], tolerances=[1e-4], reference=given, repeat=0
-            )
-            assert again.rows[0].errors == made.rows[0].errors
-            assert again.reference is not None
-            assert again.reference.path == str(path)
-            assert again.warnings == ()
-
-
-def test_grids_that_differ_are_interpolated_and_coarse_ones_warned_of(
-    oscillator: holonom.Model,
-) -> None:
-    fine = oscillator.simulate(tolerance=1e-10, interval=1e-3)
-    coarse = oscillator.simulate(tolerance=1e-10, interval=0.05)
-    times = np.linspace(0.0, 1.0, 38)
-
-    def compared(reference: holonom.Result) -> Comparison:
-        return holonom.compare(
-            oscillator, methods=["ForSDIRK"], tolerances=[1e-5], reference=reference,
-            output_times=times, channels=["block.position[0]"], repeat=0,
-        )  # fmt: skip
-
-    run = oscillator.simulate(method="ForSDIRK", tolerance=1e-5, output_times=times)
-    delta = np.abs(run["block.position"][:, 0] - displacement(times)).max()
-    good = compared(fine)
-    assert good.rows[0].errors[0].delta == pytest.approx(delta, rel=0.01)
-    assert good.warnings == ()
-    assert any("too far apart" in warning for warning in compared(coarse).warnings)
-
-
-def test_a_reference_of_other_values_or_of_too_short_a_time_is_told(
-    oscillator: holonom.Model,
-) -> None:
-    short = oscillator.simulate(end_time=0.5, interval=0.01)
-    with pytest.raises(holonom.UsageError, match=r"ends at 0\.5 s"):
-        holonom.compare(oscillator, reference=short, end_time=1.0)
-    other = oscillator.with_values({"bodies.block.mass": 1.1})
-    comparison = holonom.compare(
-        other, methods=["ForSDIRK"], tolerances=[1e-3], reference=short, repeat=0
-    )
-    assert comparison.end_time == 0.5
-    assert any("another model" in warning for warning in comparison.warnings)
-    assert comparison.rows[0].measure is not None
-    assert comparison.rows[0].measure > 10.0  # the other mass is seen
-
-
-def test_a_reference_of_another_model_is_compared_in_what_both_have() -> None:
-    text = """
-holonom = 1
-dimension = "planar"
-gravity = [0.0, -9.81]
-[bodies]
-arm = { mass = 1.0, inertia = 0.1, position = [1.0, 0.0] }
-tip = { mass = 1.0, inertia = 0.1, position = [3.0, 0.0] }
-[simulation]
-end_time = 0.2
-"""
-    model = holonom.Model.from_text(text)
-    renamed = text.replace("tip", "end")
-    other = holonom.Model.from_text(renamed).simulate(interval=0.1, tolerance=1e-9)
-    asked: dict[str, Any] = {"methods": ["ForSDIRK"], "tolerances": [1e-3], "repeat": 0}
-    comparison = holonom.compare(model, reference=other, **asked)
-    # The arm falls alike in both: only names differ.
-    assert comparison.channels == ("arm.position[0]", "arm.position[1]", "arm.angle")
-    assert comparison.rows[0].measure is not None
-    assert comparison.rows[0].measure < 1.0
-    (said,) = [warning for warning in comparison.warnings if "which has no" in warning]
-    assert "no `tip.position`, `tip.angle`, while this one has no `end.position`" in said
-    with pytest.raises(holonom.UsageError, match=r"which has no `tip\.position`") as caught:
-        holonom.compare(model, reference=other, channels=["tip.position"], **asked)
-    assert "`arm.position`" in str(caught.value)
-    nothing = holonom.Model.from_text(renamed.replace("arm", "leg")).simulate(interval=0.1)
-    with pytest.raises(holonom.UsageError, match="is of another model"):
-        holonom.compare(model, reference=nothing, **asked)
 
 
 def test_angles_of_spatial_models_are_compared_without_whole_turns() -> None:

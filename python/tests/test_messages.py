@@ -18,7 +18,7 @@ from conftest import MODELS, PENDULUM
 import holonom
 from holonom import _core
 from holonom.base.names import METHODS, OPTIONS, nearest, nearest_channels
-from holonom.base.text import as_name, as_text, one_line, quoted, shown
+from holonom.base.text import as_json, as_name, as_text, one_line, quoted, shown
 from holonom.cli import commands as cli
 
 SOURCES = Path(holonom.__file__).parent
@@ -220,6 +220,13 @@ def test_text_is_safe_and_short_wherever_it_comes_from() -> None:
     for name in ("caf\udce9", "\udc80\udcff", "plain"):
         assert as_name(as_text(name)) == name
         as_text(name).encode()
+
+
+def test_json_has_no_number_that_is_not_finite() -> None:
+    data = {"a": [float("nan"), (-float("inf"), 1.5)], "b": {"c": float("inf")}, "d": Path("e\x1b")}
+    text = as_json(data)
+    assert json.loads(text) == {"a": [None, [None, 1.5]], "b": {"c": None}, "d": "e\x1b"}
+    assert "\x1b" not in text
 
 
 def test_what_is_shown_of_an_object_is_short() -> None:

@@ -45,10 +45,14 @@ def one_line(text: object) -> str:
 
 
 def as_json(data: Any) -> str:
-    """Return plain data as indented JSON that is safe to show; it reads back the same."""
-    text = json.dumps(data, indent=2, ensure_ascii=False, default=str)
+    """Return plain data as indented JSON that is safe to show; it reads back the same.
+
+    But for numbers that are not finite, of which JSON has none: they are null.
+    """
+    data = json.loads(json.dumps(data, default=str), parse_constant=lambda _: None)
+    text = json.dumps(data, indent=2, ensure_ascii=False)
     safe = text.replace("\n", "").isprintable()
-    return text if safe else json.dumps(data, indent=2, default=str)
+    return text if safe else json.dumps(data, indent=2)
 
 
 def is_unicode(text: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -97,7 +98,6 @@ def compare(
         "reference_tolerance": None
         if reference_tolerance is None
         else read_tolerance(reference_tolerance, "--reference-tolerance"),
-        "reference": None if reference is None else holonom.Result.load(reference, recover=recover),
         "save_reference": save_reference,
         "channels": channels,
         "end_time": end_time,
@@ -125,10 +125,16 @@ def compare(
     )
     interrupted = False
     shown = not (quiet or json_)
-    with CountedProgress(loaded.name, "runs", "assembling", shown=shown) as progress:
+    with (
+        contextlib.nullcontext()
+        if reference is None
+        else opened(reference, recover=recover) as given,
+        CountedProgress(loaded.name, "runs", "assembling", shown=shown) as progress,
+    ):
         try:
             comparison = holonom.compare(
                 loaded,
+                reference=given,
                 repeat=repeat,
                 processes=jobs,
                 progress=progress,

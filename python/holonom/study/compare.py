@@ -21,6 +21,7 @@ from holonom.model import Model
 from holonom.options import Further, Options, Tolerance, shows_choices
 from holonom.result import Result
 from holonom.states import start_state
+from holonom.store.layout import STATE
 from holonom.study import plan
 from holonom.study.accuracy import ComponentError, Kind, Target, Truth, targets
 from holonom.study.comparison import COUNTS, Comparison, ComparisonInterrupted, Reference, Row
@@ -241,7 +242,7 @@ class _Work:
             path="" if given.path is None else str(given.path),
             steps=given.statistics.get("steps"),
         )
-        values = {name: given.matrix(name) for name in self.channels}
+        values = {name: _whole(given, name) for name in self.channels}
         self.truth = Truth(self.wanted, given.time, values, self.times)
 
     def _keep_common(self, given: Result) -> None:
@@ -406,6 +407,20 @@ class _Work:
             cpu_samples=tuple(self.samples.get(pair, ())),
             errors=tuple(errors),
         )
+
+
+def _whole(given: Result, name: str) -> Series:
+    """Return a channel of a reference, shape (n_times, size); refuse one that has lost rows."""
+    stored = given.quantities
+    for part in [name] if name in stored else [state for state in STATE if state in stored]:
+        rows = given[part].reshape(given.time.size, -1)
+        if (lost := ~np.isfinite(rows).all(axis=1)).any():
+            raise UsageError(
+                f"the reference has lost {lost.sum()} of {lost.size} rows of {quoted(part)}, which "
+                f"{quoted(name)} is taken from, the first at {given.time[lost][0]:g} s",
+                help="take a copy of it that is whole, or compare other channels",
+            )
+    return given.matrix(name)
 
 
 def _doubtful(rows: list[Row], reference: Reference | None) -> list[str]:
