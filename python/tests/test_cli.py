@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import random
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -297,6 +298,21 @@ def test_info_of_a_damaged_result_tells_what_is_lost_and_what_is_left(
     assert found["n_times"] == 101
     assert invoke(["info", str(stored), "--recover"]) == 0  # which was asked for
     assert part in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "ending"),
+    [("plot", ".svg"), ("report", ".html"), ("view", ".view.html"), ("export", ".csv")],
+)
+def test_what_is_made_of_a_result_is_named_after_all_of_it(
+    result_file: Path, command: str, ending: str
+) -> None:
+    """Two results of a study do not share a page because their names hold a point."""
+    for name in ("speed0.5", "speed0.6", "speed0.7.holonom"):
+        shutil.copy(result_file, result_file.with_name(name))
+        assert invoke([command, str(result_file.with_name(name))]) == 0
+    made = {path.name for path in result_file.parent.glob(f"speed*{ending}")}
+    assert made == {f"speed0.{number}{ending}" for number in (5, 6, 7)}
 
 
 def test_schema_is_json_and_has_a_reference(capsys: pytest.CaptureFixture[str]) -> None:

@@ -60,6 +60,11 @@ def output_to(text: str, metavar: str | None = None) -> Any:
     return typer.Option("-o", "--output", metavar=metavar, help=text)
 
 
+def made_of(result: Path, ending: str) -> Path:
+    """Return the name of what is made of a result where none is given: its own, and an ending."""
+    return Path(f"{str(result).removesuffix('.holonom')}{ending}")
+
+
 def load_model(path: Path, values: list[str] | None) -> Model:
     """Read a model file, or one of the library, and change its values."""
     if str(path).startswith(LIBRARY):

@@ -19,6 +19,7 @@ from holonom.cli.arguments import (
     Recover,
     ResultFile,
     ResultFiles,
+    made_of,
     opened,
     opened_together,
     output_to,
@@ -73,7 +74,7 @@ def plot(
     if low_pass is not None and not (low_pass > 0.0 and math.isfinite(low_pass)):
         raise UsageError(f"`--filter` is {low_pass}", help="it must be positive and finite, Hz")
     results, channels = _results_first(names)
-    target = output or results[0].with_suffix(".svg")
+    target = output or made_of(results[0], ".svg")
     with opened_together(results, recover=recover) as (first, *others):
         first.plot(
             *channels,
@@ -111,7 +112,7 @@ def report(
     json_: Json = False,
 ) -> int:
     """Write a self-contained HTML page about a run."""
-    target = output or result.with_suffix(".html")
+    target = output or made_of(result, ".html")
     with opened(result, recover=recover) as loaded:
         loaded.report(target, force=force)
     return done("report", target, json_)
@@ -128,7 +129,7 @@ def view(
     """Write a page in which the bodies move: one HTML file that needs nothing else."""
     from holonom.view import open_page
 
-    target = output or result[0].with_suffix(".view.html")
+    target = output or made_of(result[0], ".view.html")
     files.require_targets([(target, "page")], inputs=result, force=force)
     with opened_together(result, recover=recover) as (first, *others):
         first.view(*others).save(target, force=force)
@@ -162,7 +163,7 @@ def render(
     json_: Json = False,
 ) -> int:
     """Draw a picture or a film of the bodies, without a display, by a browser of the machine."""
-    target = output or result[0].with_suffix(".png")
+    target = output or made_of(result[0], ".png")
     with (
         opened_together(result, recover=recover) as (first, *others),
         CountedProgress(target.name, "frames", "drawing", shown=not (quiet or json_)) as progress,

@@ -16,6 +16,7 @@ from holonom.cli.arguments import (
     Names,
     Recover,
     ResultFile,
+    made_of,
     opened,
     output_to,
     seconds,
@@ -61,7 +62,7 @@ def export(
         raise UsageError("`-o -` prints CSV and `--json` prints JSON", help=tip)
     format_ = format_of(output, format_)
     ending, write = FORMATS[format_]
-    target = output or result.with_suffix(ending)
+    target = output or made_of(result, ending)
     if str(target) != "-":  # now, and of the file itself: rows at other times are in memory
         files.require_target(target, format_, inputs=[result], force=force)
     with opened(result, recover=recover) as stored:
@@ -69,7 +70,7 @@ def export(
         loaded = stored if rows is None else stored.at(rows, channels)
         if str(target) == "-":
             if format_ != "csv":
-                tip = f"name a file: `-o {result.stem}{ending}`"
+                tip = f"name a file: `-o {made_of(Path(result.name), ending)}`"
                 raise UsageError(f"`-o -` prints CSV, not {format_}", help=tip)
             write_csv(loaded, sys.stdout, channels)
             return Exit.OK
