@@ -45,7 +45,7 @@ MAY_USE: dict[str, set[str]] = {
     },
     "report": {"check", "pictures", "summary", "view"},
     "export": set(),
-    "view": {"pictures", "states", "store", "summary"},
+    "view": {"options", "pictures", "states", "store", "summary"},
     "cli": {"check", "export", "library", "model", "options", "pictures", "result", "study"}
     | {"summary", "view"},
     "__init__": {"model", "result"},

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browsers import require_browser
-from conftest import MODELS, PENDULUM
+from conftest import MODELS, PENDULUM, write_result
 
 import holonom
 from holonom.base.errors import FileError, UsageError
@@ -46,8 +46,17 @@ def test_what_cannot_be_drawn_is_refused(crank: Result, tmp_path: Path) -> None:
         ("a.gif", {"at": 0.2}, "many times"),
         ("a.gif", {"start": 0.3, "end": 0.2}, "before it begins"),
         ("a.gif", {"fps": 1e9}, "frames"),
+        ("a.gif", {"fps": 1000, "speed": 0.01}, "would have 50000 frames"),
         ("a.gif", {"speed": 0.0}, "`speed`"),
+        ("a.gif", {"speed": 1e-320}, "frames"),
+        ("a.gif", {"fps": "3"}, "`fps`"),
+        ("a.gif", {"fps": 1e-300}, "0.01 to 1000"),
+        ("a.png", {"at": "x"}, "`at`"),
+        ("a.png", {"at": float("nan")}, "`at` is nan"),
+        ("a.gif", {"start": [0.1]}, "`from`"),
         ("a.png", {"size": (4, 4)}, "4x4"),
+        ("a.png", {"size": 5}, "width and height"),
+        ("a.png", {"size": (640.5, 480)}, "width and height"),
         ("a.png", {"camera": "below"}, "'below'"),
         ("a.png", {"browser": "no-such-program"}, "no-such-program"),
     ):
@@ -58,6 +67,15 @@ def test_what_cannot_be_drawn_is_refused(crank: Result, tmp_path: Path) -> None:
     with pytest.raises(FileError, match="not overwritten"):
         crank.render(foreign)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine.png"]
+
+
+def test_a_run_that_stored_nothing_has_no_picture(tmp_path: Path) -> None:
+    write_result(tmp_path / "rod.holonom", chunks=0).close()
+    with (
+        Result.load(tmp_path / "rod.holonom") as empty,
+        pytest.raises(UsageError, match="no rows"),
+    ):
+        empty.render(tmp_path / "x.png")
 
 
 def test_what_is_missing_is_named_with_how_to_get_it(

@@ -7,7 +7,7 @@ depend on how fast the machine is.
 from __future__ import annotations
 
 import io
-import math
+import operator
 import queue
 import shutil
 import struct
@@ -21,6 +21,8 @@ import numpy as np
 
 from holonom.base import files
 from holonom.base.errors import FileError, UsageError
+from holonom.base.text import quoted
+from holonom.options import require_finite, require_positive
 from holonom.view.browser import find, showing
 from holonom.view.server import HTML, Answer, Server
 
@@ -36,6 +38,8 @@ FORMATS = (".png", ".gif", ".mp4")
 PATIENCE = 120.0
 #: Frames of a film at most, and pixels along an edge.
 MOST_FRAMES, SMALLEST, LARGEST = 20_000, 16, 8192
+#: Frames per second; a GIF tells of a frame how many hundredths of a second it lasts, in 16 bits.
+SLOWEST, FASTEST = 0.01, 1000.0
 
 #: Called with the number of frames that are done and how many there are.
 Progress = Callable[[int, int], None]
@@ -61,18 +65,19 @@ def render(
     from holonom.view import page, scenes
 
     kind = kind_of(path)
-    _require(size, camera, fps, speed)
+    width, height = _edges(size)
+    _require(camera, fps, speed)
     inputs = [result.path for result in results]
     files.require_target(path, kind, inputs=inputs, force=force)
+    runs = scenes(results)
     times = _times(results, kind, at, fps, start, end, speed)
     # What is asked for is judged before what is installed.
     if kind == "gif":
         _pillow()
     ffmpeg = _ffmpeg() if kind == "mp4" else ""
     program = find(browser)
-    runs = scenes(results)
-    # Encoders halve the resolution of colours, for which edges have to be even.
-    width, height = (2 * (x // 2) for x in size) if kind == "mp4" else size
+    if kind == "mp4":  # encoders halve the resolution of colours, for which edges have to be even
+        width, height = 2 * (width // 2), 2 * (height // 2)
     job = {"times": times, "size": [width, height], "camera": camera, "dark": dark}
     html = page(runs, job=job).encode()
     frames = _drawn(program, html, len(times), (width, height), progress)
@@ -96,16 +101,29 @@ def kind_of(path: Path) -> str:
     return ending[1:]
 
 
-def _require(size: tuple[int, int], camera: str, fps: float, speed: float) -> None:
-    if not all(SMALLEST <= edge <= LARGEST for edge in size):
+def _edges(size: object) -> tuple[int, int]:
+    """Return width and height of a picture, pixels."""
+    try:
+        width, height = map(operator.index, size)  # type: ignore[call-overload]
+    except (TypeError, ValueError):
         raise UsageError(
-            f"the size is {size[0]}x{size[1]}", help=f"edges have {SMALLEST} to {LARGEST} pixels"
+            f"`size` is {quoted(repr(size))}", help="pass width and height, pixels: (1280, 720)"
+        ) from None
+    if not all(SMALLEST <= edge <= LARGEST for edge in (width, height)):
+        raise UsageError(
+            f"the size is {width}x{height}", help=f"edges have {SMALLEST} to {LARGEST} pixels"
         )
+    return width, height
+
+
+def _require(camera: str, fps: float, speed: float) -> None:
     if camera not in CAMERAS:
         raise UsageError(f"the camera is {camera!r}", help=f"it is one of {', '.join(CAMERAS)}")
-    for name, value in (("fps", fps), ("speed", speed)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise UsageError(f"`{name}` is {value}", help="give a positive number")
+    require_positive("speed", speed)
+    if not SLOWEST <= require_positive("fps", fps) <= FASTEST:
+        raise UsageError(
+            f"`fps` is {fps:g}", help=f"films have {SLOWEST:g} to {FASTEST:g} frames per second"
+        )
 
 
 def _times(
@@ -123,7 +141,7 @@ def _times(
     slack = 1e-9 * max(abs(first), abs(last))
     asked = {"at": at, "from": start, "to": end}
     for name, value in asked.items():
-        if value is not None and not first - slack <= value <= last + slack:
+        if value is not None and not first - slack <= require_finite(name, value) <= last + slack:
             raise UsageError(
                 f"`{name}` is {value:g} s", help=f"the run goes from {first:g} to {last:g} s"
             )
@@ -139,13 +157,13 @@ def _times(
             f"the film ends at {last:g} s, before it begins",
             help="let `to` be after `from`; of a run of one state write a picture",
         )
-    count = max(1, round((last - first) / speed * fps))
-    if count > MOST_FRAMES:
+    count = (last - first) / speed * fps
+    if not count <= MOST_FRAMES:
         raise UsageError(
-            f"the film would have {count} frames; {MOST_FRAMES} at most",
+            f"the film would have {count:.6g} frames; {MOST_FRAMES} at most",
             help="raise the speed, or show less of the run",
         )
-    return list(np.linspace(first, last, count + 1))
+    return list(np.linspace(first, last, max(1, round(count)) + 1))
 
 
 def _drawn(
