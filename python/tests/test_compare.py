@@ -342,6 +342,23 @@ def test_without_times_there_is_nothing_to_draw(oscillator: holonom.Model) -> No
         comparison.plot()
 
 
+@pytest.mark.parametrize("ending", ["svg", "png"])
+def test_an_error_of_exactly_zero_is_an_error(tmp_path: Path, ending: str) -> None:
+    text = OSCILLATOR.replace("free_length = 0.9", "free_length = 1.0")  # at rest
+    rest = holonom.compare(
+        holonom.Model.from_text(text), methods=["ForRadau"], tolerances=[1e-3], repeat=1
+    )
+    assert rest.rows[0].measure == 0.0
+    assert "error" in str(rest)
+    assert "0.0e+00" in str(rest)
+    picture = rest.plot(tmp_path / f"rest.{ending}")
+    (panel,) = picture.panels
+    assert not panel.lines
+    assert "exactly zero" in panel.empty
+    if ending == "svg":
+        assert "exactly zero" in (tmp_path / "rest.svg").read_text(encoding="utf-8")
+
+
 def test_the_command_writes_table_picture_and_json(
     model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

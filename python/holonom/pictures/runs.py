@@ -426,24 +426,30 @@ def energy(result: Result, names: Sequence[str]) -> Picture:
 
 def work_precision(comparison: Comparison) -> Picture:
     """Return a picture of errors against processor time; see `Comparison.plot`."""
-    lines = []
+    lines, timed, zero = [], False, False
     for number, method in enumerate(comparison.methods):
         points = [
             (seconds, error)
             for row in sorted(comparison.of(method), key=lambda row: -row.tolerance.relative)
-            if (seconds := row.cpu_seconds) and (error := comparison.error(row))
+            if (seconds := row.cpu_seconds) and (error := comparison.error(row)) is not None
         ]
-        if points:
-            x, y = np.array(points).T
+        shown = [point for point in points if point[1] > 0.0]
+        timed, zero = timed or bool(points), zero or len(shown) < len(points)
+        if shown:
+            x, y = np.array(shown).T
             color, marker = COLORS[number % len(COLORS)], MARKERS[number % len(MARKERS)]
             lines.append(Line(x, y, method, color, marker))
-    if not lines:
+    if not timed:
         raise UsageError(
             "there is nothing to draw: no run completed and was timed",
             help="the table says how each run ended",
         )
     level = (comparison.doubt, "reference, by its check") if comparison.doubt else None
-    panel = Panel(lines, comparison.error_label, comparison.model, logarithmic=True, level=level)
+    note = "errors that are exactly zero have no place on this axis" if zero else ""
+    panel = Panel(
+        lines, comparison.error_label, comparison.model, note, logarithmic=True, level=level,
+        empty="all errors are exactly zero",
+    )  # fmt: skip
     label = "processor time, s"
     return Picture("error against processor time", [panel], label, logarithmic=True, height=0.6)
 

@@ -380,7 +380,9 @@ class Comparison:
         """Return the rows as a table of `rich`."""
         table = _table()
         table.add_column("method")
-        kinds = [kind for kind in _KINDS if any(row.measure_of(kind) for row in self.rows)]
+        kinds = [
+            kind for kind in _KINDS if any(row.measure_of(kind) is not None for row in self.rows)
+        ]
         causes = list(dict.fromkeys(cause for row in self.rows for cause in row.rejections()))
         headings = ["tol."]
         for kind in kinds:
