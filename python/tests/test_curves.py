@@ -363,6 +363,12 @@ def test_angles_have_no_jump_before_they_are_differentiated() -> None:
         ({"fft": True, "versus": "spring.force"}, "over frequencies"),
         ({"versus": "block.position"}, "more than one number"),
         ({"versus": "spring.forces"}, "did you mean"),
+        ({"versus": 3}, "`3` is no channel"),
+        ({"others": 3}, "`3` is no result"),
+        ({"others": ["x"]}, "`'x'` is no result"),
+        ({"labels": 3}, "`labels` is `3`"),
+        ({"labels": "x"}, "`labels` is `'x'`"),
+        ({"labels": ["a", "b"]}, "2 labels are given for 1 runs"),
     ],
 )
 def test_choices_that_are_none_are_refused(

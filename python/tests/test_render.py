@@ -55,6 +55,7 @@ def test_what_cannot_be_drawn_is_refused(crank: Result, tmp_path: Path) -> None:
         ("a.png", {"at": float("nan")}, "`at` is nan"),
         ("a.gif", {"start": [0.1]}, "`from`"),
         ("a.png", {"size": (4, 4)}, "4x4"),
+        ("a.png", {"progress": 3}, "`progress`"),
         ("a.png", {"size": 5}, "width and height"),
         ("a.png", {"size": (640.5, 480)}, "width and height"),
         ("a.png", {"camera": "below"}, "'below'"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from holonom import signals
 from holonom.base.errors import UsageError
 from holonom.base.names import listed
 from holonom.base.text import quoted
-from holonom.channels import split_component
+from holonom.channels import require_name, split_component
 from holonom.pictures.curves import STILL, Curves, curves
 from holonom.pictures.picture import (
     COLORS,
@@ -79,12 +79,8 @@ def plot(
     found = [
         curves(result, names, derivative=derivative, even=bool(fft), **part) for result in results
     ]
-    labels = None if labels is None else list(labels)
-    if labels is not None and len(labels) != len(results):
-        raise UsageError(
-            f"{len(labels)} labels are given for {len(results)} runs", help="give one for each"
-        )
-    labels = list(map(str, labels or called)) if len(results) > 1 else [""]
+    stated = _stated_labels(labels, len(results))
+    labels = stated or called if len(results) > 1 else [""]
     note = "" if low_pass is None else f"low-pass {low_pass:g} Hz"
     if fft:
         return _spectra(found, labels, "hann" if fft is True else str(fft), note)
@@ -96,6 +92,20 @@ def plot(
         lacking = ", ".join(f"{run} has no {', '.join(names)}" for run, names in absent.items())
         panels[0] = replace(panels[0], note=", ".join(filter(None, (panels[0].note, lacking))))
     return Picture(", ".join(names), panels)
+
+
+def _stated_labels(labels: object, runs: int) -> list[str]:
+    """Return what some runs are to be called; nothing where it is not stated."""
+    if labels is None:
+        return []
+    if isinstance(labels, str) or not isinstance(labels, Iterable):
+        raise UsageError(f"`labels` is {quoted(repr(labels))}", help="pass a list of texts")
+    stated = list(map(str, labels))
+    if len(stated) != runs:
+        raise UsageError(
+            f"{len(stated)} labels are given for {runs} runs", help="give one for each"
+        )
+    return stated
 
 
 def _named(results: Sequence[Result], patterns: Sequence[str]) -> list[str]:
@@ -256,7 +266,7 @@ def _stillness(bound: float, unit: str) -> str:
 
 def _scalar(results: Sequence[Result], name: str) -> str:
     """Refuse a channel of several components: one must be named."""
-    whole, index = split_component(name)
+    whole, index = split_component(require_name(name))
     result, found = _meant(results, name)
     quantity = result.quantities.get(whole) or result.model.channels.get(whole)
     if len(found) != 1 or (index is None and quantity is not None and quantity.size > 1):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import html
 import sqlite3
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -175,7 +175,8 @@ class Result(Arrays):
             If the file cannot be written.
         """
         given: object = others
-        runs = require_results(self, *([given] if isinstance(given, Result) else others))
+        several = isinstance(given, Iterable) and not isinstance(given, Result)
+        runs = require_results(self, *(others if several else [given]))
         sources = [run.path for run in runs]
         target = None if path is None else as_path(path)
         if target is not None:  # before the work, not after it

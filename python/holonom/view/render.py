@@ -21,6 +21,7 @@ import numpy as np
 
 from holonom.base import files
 from holonom.base.errors import FileError, UsageError
+from holonom.base.plain import require_callable
 from holonom.base.text import quoted
 from holonom.options import require_finite, require_positive
 from holonom.view.browser import find, showing
@@ -67,6 +68,7 @@ def render(
     kind = kind_of(path)
     width, height = _edges(size)
     _require(camera, fps, speed)
+    require_callable("progress", progress)
     inputs = [result.path for result in results]
     files.require_target(path, kind, inputs=inputs, force=force)
     runs = scenes(results)
