@@ -29,6 +29,30 @@ def split_component(name: str) -> tuple[str, int | None]:
     return (match[1], int(match[2])) if match else (name, None)
 
 
+#: Names of components by the ending of the channel.
+_COMPONENTS = {
+    "yaw_pitch_roll": ["yaw", "pitch", "roll"],
+    "euler_parameters": ["e0", "e1", "e2", "e3"],
+    "deformation": ["x", "y", "z", "rx", "ry", "rz"],
+}
+
+
+def components(name: str, size: int) -> list[str]:
+    """Return what the components of a channel are called; one empty name for scalars."""
+    if size == 1:
+        return [""]
+    named = _COMPONENTS.get(name.rpartition(".")[2], [])
+    if len(named) == size:
+        return list(named)
+    return list("xyz"[:size]) if size <= 3 else [f"[{i}]" for i in range(size)]
+
+
+def component_units(unit: str, size: int) -> list[str]:
+    """Return the unit of each component of a channel; ``m, rad`` is that of either half."""
+    parts = unit.split(", ")
+    return [parts[i * len(parts) // size] for i in range(size)]
+
+
 def require_name(name: object) -> str:
     """Refuse what is no text where a channel is named.
 

@@ -17,6 +17,7 @@ from holonom.base import files
 from holonom.base.errors import UsageError
 from holonom.base.names import did_you_mean, nearest
 from holonom.base.text import quoted
+from holonom.channels import component_units, components, split_component
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-untyped]
@@ -24,13 +25,13 @@ if TYPE_CHECKING:
 
     from holonom.result import Result
 
-#: Names of the components of vectors by the ending of the channel, or by their number.
-_COMPONENTS = {
-    "euler_parameters": ("euler_parameter", ["e0", "e1", "e2", "e3"]),
-    "yaw_pitch_roll": ("turn", ["yaw", "pitch", "roll"]),
-    2: ("xy", ["x", "y"]),
-    3: ("xyz", ["x", "y", "z"]),
+#: Names of the dimensions of data sets along which components lie, other than of plain vectors.
+_DIMENSIONS = {
+    ("euler_parameters", 4): "euler_parameter",
+    ("yaw_pitch_roll", 3): "turn",
+    ("deformation", 6): "deformation",
 }
+_PLAIN = {2: "xy", 3: "xyz"}
 
 
 def write_csv(result: Result, file: TextIO, channels: list[str] | None = None) -> list[str]:
@@ -67,14 +68,13 @@ def dataset(result: Result, channels: list[str] | None = None) -> xarray.Dataset
     coordinates: dict[str, Any] = {"time": ("time", result.time, {"units": "s"})}
     for name in _names(result, channels):
         values = result[name]
-        attributes = {"units": result.unit(name) or "1", "frame": result.frame(name)}
+        attributes = {"units": _unit(result, name) or "1", "frame": result.frame(name)}
         dims = ["time"]
         if values.ndim > 1:
-            size = values.shape[1]
-            default = (f"component_{size}", list(range(size)))
-            ending = name.rpartition(".")[2]
-            dim, labels = _COMPONENTS.get(ending) or _COMPONENTS.get(size) or default
-            coordinates[dim] = (dim, labels)
+            size, ending = values.shape[1], name.rpartition(".")[2]
+            plain = _PLAIN.get(size, f"component_{size}")
+            dim = _DIMENSIONS.get((ending, size), plain)
+            coordinates[dim] = (dim, components(name, size))
             dims.append(dim)
         variables[name] = (dims, values, {key: text for key, text in attributes.items() if text})
     facts = {key: text for key, text in _facts(result).items() if text}
@@ -85,14 +85,10 @@ def dataset(result: Result, channels: list[str] | None = None) -> xarray.Dataset
 def frame(result: Result, channels: list[str] | None = None) -> pd.DataFrame:
     """Return channels as a data frame; see `Result.to_pandas`."""
     made = _library("pandas", "data frames of pandas", "pandas")
-    columns, units = {}, {}
-    for name in result.channels if channels is None else result.expand(channels):
-        values = result.matrix(name)
-        for i, column in enumerate(values.T):
-            label = name if values.shape[1] == 1 else f"{name}[{i}]"
-            columns[label], units[label] = column, result.unit(name)
+    (_, *found) = _columns(result, channels)
+    columns = {name: values for name, _, _, values in found}
     table: pd.DataFrame = made.DataFrame(columns, index=made.Index(result.time, name="time"))
-    table.attrs["units"] = units
+    table.attrs["units"] = {name: unit for name, unit, _, _ in found}
     return table
 
 
@@ -143,7 +139,7 @@ def write_matlab(
     texts = {
         "channel": names,
         "variable": list(variables.values()),
-        "unit": [result.unit(name) for name in names],
+        "unit": [_unit(result, name) for name in names],
         "frame": [result.frame(name) for name in names],
     }
     facts = {key: np.array(values, dtype=object) for key, values in texts.items()}
@@ -246,16 +242,28 @@ def _names(result: Result, channels: list[str] | None) -> list[str]:
     return (result.expand(channels) if channels else []) or result.channels
 
 
+def _unit(result: Result, name: str) -> str:
+    """Return the unit of a channel, or that of a component."""
+    whole, index = split_component(name)
+    unit = result.unit(name)
+    return unit if index is None else component_units(unit, result.matrix(whole).shape[1])[index]
+
+
 def _columns(
     result: Result, channels: list[str] | None
 ) -> Iterator[tuple[str, str, str, NDArray[np.float64]]]:
-    """Yield name, unit, frame and values of every scalar, the time first."""
+    """Yield name, unit, frame and values of every scalar, each once, the time first."""
     yield "time", "s", "", result.time
+    seen: set[str] = set()
     for name in _names(result, channels):
-        values = result.matrix(name)
-        unit, frame = result.unit(name), result.frame(name)
-        for i, column in enumerate(values.T):
-            yield name if values.shape[1] == 1 else f"{name}[{i}]", unit, frame, column
+        whole, index = split_component(name)
+        columns = result.matrix(whole).T
+        units, frame = component_units(result.unit(whole), len(columns)), result.frame(whole)
+        for i in range(len(columns)) if index is None else [index]:
+            column = whole if len(columns) == 1 else f"{whole}[{i}]"
+            if column not in seen:
+                seen.add(column)
+                yield column, units[i], frame, columns[i]
 
 
 def _facts(result: Result) -> dict[str, str]:

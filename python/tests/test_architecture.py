@@ -44,8 +44,8 @@ MAY_USE: dict[str, set[str]] = {
         "store",
     },
     "report": {"check", "pictures", "summary", "view"},
-    "export": set(),
-    "view": {"options", "pictures", "states", "store", "summary"},
+    "export": {"channels"},
+    "view": {"channels", "options", "states", "store", "summary"},
     "cli": {"check", "export", "library", "model", "options", "pictures", "result", "study"}
     | {"summary", "view"},
     "__init__": {"model", "result"},

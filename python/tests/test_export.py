@@ -68,6 +68,40 @@ def test_only_the_channels_named_are_exported(spatial: Result) -> None:
         spatial.to_xarray(["chassis.positon"])
 
 
+def test_lengths_and_angles_of_a_deformation_have_units_of_their_own(tmp_path: Path) -> None:
+    model = holonom.Model.load(MODELS / "hmmwv14_bushing" / "model.toml")
+    name = "bushing_front_right.deformation"
+    result = model.simulate(end_time=0.01, interval=0.01, channels=[name])
+    units = {f"{name}[{i}]": "m" if i < 3 else "rad" for i in range(6)}
+    assert result.to_pandas([name]).attrs["units"] == units
+    heading = result.to_csv(tmp_path / "d.csv", [name]).read_text().splitlines()[0]
+    assert heading == ",".join(["time (s)", *(f"{key} ({unit})" for key, unit in units.items())])
+    fields = list(pq.read_schema(result.to_parquet(tmp_path / "d.parquet", [name])))[1:]
+    assert {field.name: field.metadata[b"unit"].decode() for field in fields} == units
+    data = result.to_xarray([name, f"{name}[4]"])
+    assert data[name].dims == ("time", "deformation")
+    assert list(data[name]["deformation"].values) == ["x", "y", "z", "rx", "ry", "rz"]
+    assert data[f"{name}[4]"].attrs["units"] == "rad"
+
+
+def test_a_scalar_that_is_named_twice_is_one_column(spatial: Result, tmp_path: Path) -> None:
+    names = ["chassis.position[1]", "chassis.position", "chassis.position[1]"]
+    expected = [f"chassis.position[{i}]" for i in (1, 0, 2)]
+    assert list(spatial.to_pandas(names)) == expected
+    table = pd.read_parquet(spatial.to_parquet(tmp_path / "p.parquet", names))
+    assert list(table) == ["time", *expected]
+    heading = spatial.to_csv(tmp_path / "p.csv", names).read_text().splitlines()[0]
+    assert heading == ",".join(["time (s)", *(f"{name} (m)" for name in expected)])
+
+
+def test_without_names_every_table_holds_what_is_stored(spatial: Result, tmp_path: Path) -> None:
+    scalars = list(spatial.to_pandas())
+    assert len(scalars) > len(spatial.channels)
+    assert list(spatial.to_pandas([])) == scalars
+    assert len(pd.read_csv(spatial.to_csv(tmp_path / "a.csv", [])).columns) == 1 + len(scalars)
+    assert set(spatial.to_xarray([])) == set(spatial.channels)
+
+
 def test_netcdf_is_read_back_by_xarray_and_hdf5(spatial: Result, tmp_path: Path) -> None:
     path = spatial.to_netcdf(tmp_path / "new" / "run.nc", NAMES)
     with xr.open_dataset(path, engine="h5netcdf") as data:

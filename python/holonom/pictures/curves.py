@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from holonom import signals
 from holonom.base.errors import UsageError
 from holonom.base.text import quoted
-from holonom.channels import split_component
+from holonom.channels import component_units, components, split_component
 from holonom.gauge import KINDS, own_tolerances, peak
 from holonom.options import Tolerance, require_finite, require_positive, times_at
 
@@ -25,15 +25,8 @@ Series = NDArray[np.float64]
 #: Rows that a curve is computed at, at most.
 _MOST = 2_000_000
 
-_COMPONENTS: dict[tuple[str, int], list[str]] = {
-    ("yaw_pitch_roll", 3): ["yaw", "pitch", "roll"],
-    ("euler_parameters", 4): ["e0", "e1", "e2", "e3"],
-    ("deformation", 6): ["x", "y", "z", "rx", "ry", "rz"],
-    ("deformation", 3): ["x", "y", "rz"],
-}
 _DERIVATIVES = {
     "m": "m/s", "m/s": "m/s^2", "rad": "rad/s", "rad/s": "rad/s^2", "J": "W", "": "1/s",
-    "m, rad": "m/s, rad/s",
 }  # fmt: skip
 
 
@@ -43,15 +36,15 @@ class Curves:
 
     Attributes
     ----------
-    name, title, unit, frame : str
+    name, title, frame : str
         The title names a component by its word: ``chassis.yaw_pitch_roll, pitch``.
     time : ndarray, shape (n_times,)
         s.
     values : ndarray, shape (n_times, n)
-    labels : list of str
-        Of the components; one empty text for a scalar.
+    labels, units : list of str
+        Of the components; one empty label for a scalar.
     tolerances : ndarray, shape (n,)
-        Of the components, in `unit`; what moves less than ten of them over the whole run is still.
+        Of the components, in `units`; what moves less than ten of them over the whole run is still.
     still : ndarray, shape (n,)
         Which components are.
     wraps : bool
@@ -60,11 +53,11 @@ class Curves:
 
     name: str
     title: str
-    unit: str
     frame: str
     time: Series
     values: Series
     labels: list[str]
+    units: list[str]
     tolerances: Series
     still: NDArray[np.bool_]
     wraps: bool = False
@@ -72,14 +65,6 @@ class Curves:
 
 #: What moves less than so many tolerances is told to be still.
 STILL = 10.0
-
-
-def components(name: str, size: int) -> list[str]:
-    """Return what the components of a channel are called; one empty name for scalars."""
-    if size == 1:
-        return [""]
-    named = _COMPONENTS.get((name.rpartition(".")[2], size))
-    return named or (list("xyz"[:size]) if size <= 3 else [f"[{i}]" for i in range(size)])
 
 
 def title(name: str, size: int) -> str:
@@ -191,15 +176,16 @@ def _measured(
         tolerances = own_tolerances(quantity, every, tolerance, peaks)
         finite = np.where(np.isfinite(values), values, np.nan)
         span = np.nan_to_num(np.fmax.reduce(finite) - np.fmin.reduce(finite))
-    tolerances = tolerances if index is None else tolerances[index : index + 1]
+    meant = slice(None) if index is None else slice(index, index + 1)
+    tolerances = tolerances[meant]
     return Curves(
         name,
         title(name, quantity.size),
-        result.unit(name),
-        result.frame(name),
+        quantity.frame,
         times,
         values,
         components(whole, quantity.size) if index is None else [""],
+        component_units(quantity.unit, quantity.size)[meant],
         tolerances,
         span < STILL * tolerances,
     )
@@ -214,7 +200,7 @@ def _differentiated(one: Curves) -> Curves:
     return replace(
         one,
         title=f"d/dt {one.title}",
-        unit=_DERIVATIVES.get(one.unit, f"{one.unit}/s"),
+        units=[_DERIVATIVES.get(unit, f"{unit}/s") for unit in one.units],
         values=values,
         tolerances=tolerances,
         still=span < STILL * tolerances,

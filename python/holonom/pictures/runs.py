@@ -195,7 +195,7 @@ def _panels(
             heading = f"{first.title}, {word}" if word else first.title
             still = all(one.still[i] for one in rows)
             least = STILL * max(float(one.tolerances[i]) for one in rows)
-            unit = unit_of(first.unit, i, len(first.labels))
+            unit = unit_of(first, i)
             said = _stillness(least, unit) if still else ""
             said = _ZERO if all(_is_zero(one, i) for one in rows) else said
             text = ", ".join(filter(None, (said, notes)))
@@ -218,7 +218,7 @@ def _panels(
         ]
         heading = "" if number else first.title
         least = max((float(bounds[i]) for i in resting), default=0.0)
-        unit = unit_of(first.unit, together[0], len(first.labels))
+        unit = unit_of(first, together[0])
         zero = [i for i in together if _is_zero(first, i)]
         moving = [i for i in resting if i not in zero]
         parts = [
@@ -239,13 +239,17 @@ def _whole(t: Series, y: Series, *, label: str, color: str, marker: str, wraps: 
 
 def _together(one: Curves, bounds: Series) -> list[list[int]]:
     """Return which components share a panel: those of one unit that are seen on one scale."""
-    units = [unit_of(one.unit, i, len(one.labels)) for i in range(len(one.labels))]
     groups: list[list[int]] = []
-    for unit in dict.fromkeys(units):
-        columns = [i for i, other in enumerate(units) if other == unit]
+    for columns in _of_one_unit(one):
         found = grouped(one.values[:, columns], bounds[columns])
         groups += [[columns[k] for k in group] for group in found]
     return groups
+
+
+def _of_one_unit(one: Curves) -> list[list[int]]:
+    """Return the components of each unit."""
+    units = dict.fromkeys(one.units)
+    return [[i for i, other in enumerate(one.units) if other == unit] for unit in units]
 
 
 #: Said of what is exactly that in every row.
@@ -297,9 +301,9 @@ def _phases(
                 color, dash = COLORS[k % len(COLORS)], dash_of(y, DASHES[k % len(DASHES)])
                 lines.append(Line(x, y, labels[k] if several else "", color, dash=dash))
             whole = f"{first.title}, {word}" if word else first.title
-            unit = unit_of(first.unit, i, len(first.labels))
+            unit = unit_of(first, i)
             panels.append(Panel(lines, unit, whole, note))
-    label = ", ".join(filter(None, (across.title, unit_text(across.unit))))
+    label = ", ".join(filter(None, (across.title, unit_text(across.units[0]))))
     return Picture(f"{', '.join(p.title for p in panels)} over {label}", panels, label, height=0.5)
 
 
@@ -321,10 +325,10 @@ def _spectra(
             f"{first.time[0]:.4g} to {first.time[-1]:.4g} s"
         )
         several = len(rows) > 1
-        parts = [[i] for i in range(len(first.labels))] if several else [range(len(first.labels))]
+        parts = [[i] for i in range(len(first.labels))] if several else _of_one_unit(first)
         for together in parts:
             lines = []
-            top = max(float(np.nanmax(one.amplitude[1:, list(together)])) for one in spectra)
+            top = max(float(np.nanmax(one.amplitude[1:, together])) for one in spectra)
             for i in together:
                 for k, (one, label) in enumerate(zip(spectra, labels, strict=True)):
                     at = k if several else i
@@ -336,7 +340,7 @@ def _spectra(
             level = (lowest, "one tolerance") if _DEPTH * top < lowest else None
             word = first.labels[together[0]] if several else ""
             whole = f"{first.title}, {word}" if word else first.title
-            unit = unit_of(first.unit, together[0], len(first.labels))
+            unit = unit_of(first, together[0])
             notes = ", ".join(filter(None, (told, drawn, note)))
             panels.append(
                 Panel(lines, f"amplitude, {unit}", whole, notes, logarithmic=True, level=level)
@@ -475,13 +479,9 @@ def unit_text(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³")
 
 
-def unit_of(unit: str, component: int, size: int) -> str:
-    """Return the unit of a component as it is written; deformations have two."""
-    parts = unit.split(", ")
-    if len(parts) == 2:
-        turns = component >= (2 if size == 3 else size // 2)
-        unit = parts[1 if turns else 0]
-    return unit_text(unit) or "–"
+def unit_of(one: Curves, component: int) -> str:
+    """Return the unit of a component as it is written."""
+    return unit_text(one.units[component]) or "–"
 
 
 def grouped(values: Series, bounds: Series | None = None) -> list[list[int]]:

@@ -29,7 +29,7 @@ def extrema(result: Result, names: Sequence[str]) -> str:
             if np.isnan(low):
                 continue
             name = f"{one.title}, {label}" if label else one.title
-            unit = unit_of(one.unit, i, len(one.labels)).removesuffix("–")
+            unit = unit_of(one, i).removesuffix("–")
             tolerance = one.tolerances[i]
             values = (_told(low, tolerance), number(at), _told(high, tolerance), number(then))
             rows.append((name, unit, *values))

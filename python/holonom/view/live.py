@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.pictures.curves import components
+from holonom.channels import components
 from holonom.store.layout import STATE
 from holonom.view.encoding import floats, limits
 from holonom.view.motion import BYTES_PER_KNOT, KNOT_BYTES, Poses, Way, pose_names, poses_of

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.base.errors import UsageError
-from holonom.pictures.curves import components
+from holonom.channels import components
 from holonom.states import computed_from
 from holonom.summary import STATUS
 from holonom.view.encoding import curves, floats, halves, limits, turns
