@@ -138,6 +138,16 @@ def test_sets_of_channels_hold_every_body() -> None:
     assert {target.kind for target in found} == {"position", "velocity"}
 
 
+def test_a_deformation_is_compared_as_lengths_and_angles() -> None:
+    model = holonom.Model.load(MODELS / "hmmwv14_bushing" / "model.toml")
+    name = "bushing_front_right.deformation"
+    found = targets(model, [name])
+    assert [(target.name, target.unit, target.kind) for target in found] == [
+        (f"{name}[{i}]", "m" if i < 3 else "rad", "position") for i in range(6)
+    ]
+    assert targets(model, [f"{name}[4]"]) == found[4:5]
+
+
 def test_runs_that_fail_are_rows_with_their_code(model_file: Path, tmp_path: Path) -> None:
     comparison = holonom.compare(
         model_file,

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from holonom.base.errors import UsageError
 from holonom.certification import SETS
-from holonom.channels import split_component
+from holonom.channels import component_units, split_component
 from holonom.gauge import ABSOLUTE, principal
 
 if TYPE_CHECKING:
@@ -146,12 +146,11 @@ def _components(model: Model, tree: Mapping[str, Any], name: str) -> list[Target
     counts_turns = channel.partition(".")[0] in (tree.get("forces") or {})
     wraps = quantity.unit == "rad" and tree["dimension"] == "spatial" and not counts_turns
     measured: Literal["number", "angle"] = "angle" if wraps else "number"
-    if index is not None:
-        return [Target(name, channel, index, quantity.unit, measured)]
     scalar = not quantity.shape
     return [
-        Target(channel if scalar else f"{channel}[{i}]", channel, i, quantity.unit, measured)
-        for i in range(quantity.size)
+        Target(channel if scalar else f"{channel}[{i}]", channel, i, unit, measured)
+        for i, unit in enumerate(component_units(quantity.unit, quantity.size))
+        if index in (None, i)
     ]
 
 
