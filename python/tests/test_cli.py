@@ -415,6 +415,38 @@ def test_a_channel_of_the_file_that_is_not_there_is_refused_with_the_file(
     assert not (tmp_path / "rod.holonom").exists()
 
 
+@pytest.mark.parametrize(
+    ("command", "usage"),
+    [
+        ("run", "MODEL"),
+        ("plot", "RESULT... [CHANNEL]..."),
+        ("export", "RESULT [CHANNEL]..."),
+        ("view", "RESULT..."),
+        ("models", "[NAME]"),
+    ],
+)
+def test_help_says_what_takes_a_word(
+    capsys: pytest.CaptureFixture[str], command: str, usage: str
+) -> None:
+    assert invoke([command, "--help"]) == 0
+    told = capsys.readouterr().out
+    assert f"holonom {command} [OPTIONS] {usage} " in told
+    assert "--json" in told
+    assert "<bool>" not in told  # a switch takes none
+
+
+def test_channels_are_listed_alike_by_every_command(
+    pendulum: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = ["-c", "rod.position, pin.force", "--channels", "rod.angle", "--end-time", "0.1"]
+    assert invoke(["run", str(pendulum), *names, "-o", str(tmp_path / "rod.holonom"), "-q"]) == 0
+    few = ["--method", "ForRadau", "--tolerance", "1e-3", "--repeat", "0", "--json"]
+    assert invoke(["compare", str(pendulum), *names, *few]) == 0
+    compared = {name.partition("[")[0] for name in output_json(capsys)["channels"]}
+    with Result.load(tmp_path / "rod.holonom") as result:
+        assert compared == set(result.requested)
+
+
 def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     assert invoke(["--help"]) == 0
     assert "130 interrupted" in " ".join(capsys.readouterr().out.split())

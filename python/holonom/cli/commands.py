@@ -147,11 +147,20 @@ def _with_words(parameters: Callable[[Any], list[Any]], context: Any) -> list[An
     """Return the parameters of a command, which read words as `Words` does.
 
     To import what the library reads them with takes longer than most commands, and it says less.
+    In help, a switch takes no word, and the usage has arguments as they are called.
     """
     found = parameters(context)
     for parameter in found:
         parameter.get_runtime_param = Words(parameter).itself
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""
+        if parameter.param_type_name == "argument":
+            parameter.get_usage_pieces = functools.partial(_usage, parameter)
     return found
+
+
+def _usage(argument: Any, _: Any) -> list[str]:
+    return [argument.metavar]
 
 
 def _interrupted(error: BaseException, line: Sequence[str], received: Sequence[int]) -> int:

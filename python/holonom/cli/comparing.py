@@ -26,7 +26,7 @@ from holonom.cli.arguments import (
 )
 from holonom.cli.progress import CountedProgress
 from holonom.cli.terminal import complain, print_comparison, print_json, say
-from holonom.cli.words import read_methods, read_tolerance, read_tolerances
+from holonom.cli.words import read_methods, read_names, read_tolerance, read_tolerances
 
 
 def compare(
@@ -91,7 +91,7 @@ def compare(
     import holonom
 
     loaded = load_model(model, values)
-    channels = [name for text in channel or [] for name in text.split(",")]
+    channels = read_names(channel or [])
     choices: dict[str, Any] = {
         "methods": read_methods(method or []),
         "tolerances": [limit for text in tolerance or [] for limit in read_tolerances(text)],

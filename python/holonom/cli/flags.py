@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from holonom.cli.words import read_times, read_tolerance
+from holonom.cli.words import read_names, read_times, read_tolerance
 from holonom.options import Options
 
 #: Types of the flags by what an option is; a list may be repeated.
@@ -72,5 +72,5 @@ def _read(name: str, kind: str, value: Any) -> Any:
     if kind == "tolerance":
         return read_tolerance(value, flag)
     if kind == "names":
-        return [name.strip() for text in value for name in text.split(",")]
+        return read_names(value)
     return read_times(value, flag) if kind == "times" else value

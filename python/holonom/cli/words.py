@@ -83,16 +83,33 @@ _READERS: dict[Any, Callable[[Any, str], Any]] = {
 }
 
 
+def read_names(texts: list[str]) -> list[str]:
+    """Return names with commas between them, of a flag that is repeatable."""
+    return [name.strip() for text in texts for name in text.split(",")]
+
+
+def _once(found: dict[str, Any], name: str, value: Any, flag: str) -> None:
+    """Put a value by its name; refuse one that is there."""
+    if name in found:
+        text = f"`{flag} {quoted(name)[1:]} is given twice"
+        raise UsageError(text, help="leave one of the two out")
+    found[name] = value
+
+
 def read_tolerance(text: str, flag: str = "--tolerance") -> float | dict[str, float]:
     """Return the tolerance of a flag: a number, or parts by name."""
+    parts = [part.partition("=") for part in text.split(",")] if "=" in text else []
     try:
-        if "=" not in text:
+        if not parts:
             return float(text)
-        parts = (part.partition("=") for part in text.split(","))
-        return {name.strip(): float(value) for name, _, value in parts}
+        values = [(name.strip(), float(value)) for name, _, value in parts]
     except ValueError:
         tip = "give a number, or relative=1e-3,translation=1e-4,rotation=1e-4"
         raise UsageError(f"`{flag} {quoted(text)[1:]} is no tolerance", help=tip) from None
+    found: dict[str, float] = {}
+    for name, value in values:
+        _once(found, name, value, flag)
+    return found
 
 
 def read_tolerances(text: str) -> list[float | dict[str, float]]:
@@ -138,25 +155,20 @@ def read_methods(texts: list[str]) -> list[dict[str, Any]]:
                     help="write the code first: ForSDIRK,jacobian=differences",
                 )
             else:
-                methods[-1][name.strip()] = read_value(value)
+                _once(methods[-1], name.strip(), read_value(value), "--method")
     return methods
 
 
 def read_changes(texts: list[str]) -> dict[str, Any]:
     """Return new values of a model by path, of ``PATH=VALUE``."""
-    changes = {}
+    changes: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise UsageError(
                 f"`--set {quoted(text)[1:]} is not PATH=VALUE", help="as in gravity[1]=-1.62"
             )
-        name = name.strip()
-        if name in changes:
-            raise UsageError(
-                f"`--set {quoted(name)[1:]} is given twice", help="leave one of the two out"
-            )
-        changes[name] = read_value(value)
+        _once(changes, name.strip(), read_value(value), "--set")
     return changes
 
 
