@@ -34,7 +34,13 @@ _DIMENSIONS = {
 _PLAIN = {2: "xy", 3: "xyz"}
 
 
-def write_csv(result: Result, file: TextIO, channels: list[str] | None = None) -> list[str]:
+#: Every row.
+_ALL = slice(None)
+
+
+def write_csv(
+    result: Result, file: TextIO, channels: list[str] | None = None, *, rows: slice = _ALL
+) -> list[str]:
     """Write channels as CSV, one row per output time, and return their names.
 
     The first column is the time; a vector takes one column per component. Headings hold name,
@@ -48,26 +54,30 @@ def write_csv(result: Result, file: TextIO, channels: list[str] | None = None) -
         Opened with ``newline=""``.
     channels : list of str, optional
         Names or patterns; the stored channels when none are given.
+    rows : slice, optional
+        Which output times; all by default.
 
     Raises
     ------
     UsageError
         If a channel is unknown.
     """
-    columns = list(_columns(result, channels))
+    columns = list(_columns(result, channels, rows))
     heading = [name + (f" ({unit})" if unit else "") for name, unit, _, _ in columns]
     files.write_cells(file, [heading])
     csv.writer(file).writerows(np.column_stack([values for *_, values in columns]).tolist())
     return _names(result, channels)
 
 
-def dataset(result: Result, channels: list[str] | None = None) -> xarray.Dataset:
+def dataset(
+    result: Result, channels: list[str] | None = None, *, rows: slice = _ALL
+) -> xarray.Dataset:
     """Return channels as a dataset; see `Result.to_xarray`."""
     xr = _library("xarray", "data sets of xarray", "xarray")
     variables: dict[str, Any] = {}
-    coordinates: dict[str, Any] = {"time": ("time", result.time, {"units": "s"})}
+    coordinates: dict[str, Any] = {"time": ("time", result.time[rows], {"units": "s"})}
     for name in _names(result, channels):
-        values = result[name]
+        values = result[name][rows]
         attributes = {"units": _unit(result, name) or "1", "frame": result.frame(name)}
         dims = ["time"]
         if values.ndim > 1:
@@ -93,12 +103,17 @@ def frame(result: Result, channels: list[str] | None = None) -> pd.DataFrame:
 
 
 def write_netcdf(
-    result: Result, path: Path, channels: list[str] | None = None, *, force: bool = False
+    result: Result,
+    path: Path,
+    channels: list[str] | None = None,
+    *,
+    rows: slice = _ALL,
+    force: bool = False,
 ) -> Path:
     """Write channels as NetCDF 4; see `Result.to_netcdf`."""
     for name in ("h5netcdf", "h5py"):
         _library(name, "NetCDF files", "netcdf")
-    data = dataset(result, channels)
+    data = dataset(result, channels, rows=rows)
     with files.replacing(path, "netcdf", inputs=[result.path], force=force) as fresh:
         # By way of memory: where a disk is full, the HDF5 library ends the process.
         fresh.write_bytes(data.to_netcdf(engine="h5netcdf"))
@@ -106,13 +121,18 @@ def write_netcdf(
 
 
 def write_parquet(
-    result: Result, path: Path, channels: list[str] | None = None, *, force: bool = False
+    result: Result,
+    path: Path,
+    channels: list[str] | None = None,
+    *,
+    rows: slice = _ALL,
+    force: bool = False,
 ) -> Path:
     """Write channels as Parquet; see `Result.to_parquet`."""
     pa = _library("pyarrow", "Parquet files", "parquet")
     parquet = importlib.import_module("pyarrow.parquet")
     fields, arrays = [], []
-    for name, unit, frame, values in _columns(result, channels):
+    for name, unit, frame, values in _columns(result, channels, rows):
         metadata = {"unit": unit, "frame": frame}
         fields.append(pa.field(name, pa.float64(), nullable=False, metadata=metadata))
         arrays.append(pa.array(np.ascontiguousarray(values)))
@@ -123,18 +143,24 @@ def write_parquet(
 
 
 def write_matlab(
-    result: Result, path: Path, channels: list[str] | None = None, *, force: bool = False
+    result: Result,
+    path: Path,
+    channels: list[str] | None = None,
+    *,
+    rows: slice = _ALL,
+    force: bool = False,
 ) -> Path:
     """Write channels as a MATLAB file; see `Result.to_matlab`."""
     io = _library("scipy.io", "MATLAB files", "matlab")
     names = _names(result, channels)
     variables = dict(zip(names, matlab_names(names), strict=True))
     arrays = {"time": result.time, **{variables[name]: result[name] for name in names}}
+    arrays = {name: array[rows] for name, array in arrays.items()}
     for name, array in arrays.items():
         if array.nbytes >= _MATLAB_LIMIT:
             raise UsageError(
                 f"`{name}` takes {array.nbytes / 1e9:.1f} GB, and a variable of a MATLAB 5 file at "
-                "most 2 GB\n  help: export fewer rows with `--interval`, or write NetCDF"
+                "most 2 GB\n  help: export fewer rows (`--interval`, `--from`), or write NetCDF"
             )
     texts = {
         "channel": names,
@@ -185,14 +211,19 @@ def matlab_names(names: Sequence[str]) -> list[str]:
 
 
 def write_csv_file(
-    result: Result, path: Path, channels: list[str] | None = None, *, force: bool = False
+    result: Result,
+    path: Path,
+    channels: list[str] | None = None,
+    *,
+    rows: slice = _ALL,
+    force: bool = False,
 ) -> Path:
     """Write channels as a CSV file; see `write_csv`."""
     with (
         files.replacing(path, "csv", inputs=[result.path], force=force) as fresh,
         fresh.open("w", encoding="utf-8", newline="") as file,
     ):
-        write_csv(result, file, channels)
+        write_csv(result, file, channels, rows=rows)
     return path
 
 
@@ -250,14 +281,14 @@ def _unit(result: Result, name: str) -> str:
 
 
 def _columns(
-    result: Result, channels: list[str] | None
+    result: Result, channels: list[str] | None, rows: slice = _ALL
 ) -> Iterator[tuple[str, str, str, NDArray[np.float64]]]:
     """Yield name, unit, frame and values of every scalar, each once, the time first."""
-    yield "time", "s", "", result.time
+    yield "time", "s", "", result.time[rows]
     seen: set[str] = set()
     for name in _names(result, channels):
         whole, index = split_component(name)
-        columns = result.matrix(whole).T
+        columns = result.matrix(whole)[rows].T
         units, frame = component_units(result.unit(whole), len(columns)), result.frame(whole)
         for i in range(len(columns)) if index is None else [index]:
             column = whole if len(columns) == 1 else f"{whole}[{i}]"

@@ -412,6 +412,10 @@ def test_the_command_draws_runs_and_parts(stored: Path, tmp_path: Path) -> None:
     with Result.load(stored) as result:
         result.save(other)
     line = ["plot", str(stored), str(other), "rod.position", "energy.kinetic", "--to", "1.0"]
+    assert invoke([*line, "-o", str(target), "--label", "soft, 50 N/m", "--label", "stiff"]) == 0
+    texts = {element.text for element in ET.parse(target).iter(f"{SVG}text")}
+    assert {"soft, 50 N/m", "stiff"} < texts
+    assert invoke([*line, "-o", str(target), "--label", "soft"]) == 1
     assert invoke([*line, "-o", str(target)]) == 0
     texts = ["".join(e.itertext()) for e in ET.parse(target).iter(f"{SVG}text")]
     assert texts.count("rod") == 3  # a panel for each component

@@ -163,8 +163,46 @@ def test_rows_at_an_interval_end_with_the_run(pendulum: Path, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
+    ("format_", "read"),
+    [
+        ("csv", lambda path: pd.read_csv(path).set_index("time (s)")["rod.position[0] (m)"]),
+        ("parquet", lambda path: pd.read_parquet(path).set_index("time")["rod.position[0]"]),
+        ("netcdf", lambda path: xr.load_dataset(path)["rod.position"][:, 0].to_series()),
+        ("matlab", lambda path: _matlab_series(path)),
+    ],
+)
+def test_the_command_writes_a_part_of_the_rows_as_they_are(
+    stored: Path, tmp_path: Path, format_: str, read: Callable[[Path], Any]
+) -> None:
+    table = tmp_path / "part"
+    line = ["export", str(stored), "rod.position", "--format", format_, "-o", str(table)]
+    assert invoke([*line, "--from", "0.5", "--to", "0.75"]) == 0
+    with Result.load(stored) as result:
+        kept = (result.time >= 0.5) & (result.time <= 0.75)
+        series = read(table)
+        np.testing.assert_array_equal(series.index, result.time[kept])
+        np.testing.assert_array_equal(series, result["rod.position"][kept, 0])
+
+
+def _matlab_series(path: Path) -> pd.Series:
+    content = scipy.io.loadmat(path)
+    return pd.Series(content["rod_position"][:, 0], content["time"][:, 0])
+
+
+def test_an_interval_has_a_part_of_its_rows(pendulum: Path, tmp_path: Path) -> None:
+    result, table = tmp_path / "rod.holonom", tmp_path / "rod.csv"
+    assert invoke(["run", str(pendulum), "-q", "-o", str(result)]) == 0
+    line = ["export", str(result), "rod.angle", "--interval", "0.3", "-o", str(table)]
+    assert invoke([*line, "--from", "0.5"]) == 0
+    np.testing.assert_allclose(pd.read_csv(table)["time (s)"], [0.6, 0.9, 1.0])
+
+
+@pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        (["--from", "5"], "they go from 0 s to 1.99 s"),
+        (["--from", "0.5", "--to", "0.4"], "no row lies"),
+        (["--to", "nan"], "`--to` is nan"),
         (["--format", "excel"], "known are csv (.csv), parquet (.parquet), netcdf (.nc)"),
         (["--format", "parquet", "-o", "-"], "prints CSV"),
         (["-o", "table.xlsx"], "no format ends in `.xlsx`"),

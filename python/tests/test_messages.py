@@ -17,7 +17,7 @@ from conftest import MODELS, PENDULUM
 
 import holonom
 from holonom import _core
-from holonom.base.names import METHODS, OPTIONS, nearest, nearest_channels
+from holonom.base.names import COMMANDS, METHODS, OPTIONS, nearest, nearest_channels
 from holonom.base.text import as_json, as_name, as_text, one_line, quoted, shown
 from holonom.cli import commands as cli
 
@@ -206,6 +206,10 @@ def test_words_of_other_codes_lead_to_ours() -> None:
     channels = list(holonom.Model.from_text(PENDULUM).channels)
     for word in ("omega", "rpm", "w"):
         assert nearest_channels(f"rod.{word}", channels)[0] == "rod.angular_velocity"
+    commands = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
+    assert COMMANDS.keys() == commands.keys()
+    for word, meant in {"list": "models", "library": "models", "show": "info"}.items():
+        assert nearest(word, commands, COMMANDS) == [meant]
 
 
 def test_text_is_safe_and_short_wherever_it_comes_from() -> None:

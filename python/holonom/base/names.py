@@ -79,7 +79,7 @@ QUANTITIES = {
 COMMANDS = {
     "run": "simulate solve start integrate sim exec",
     "check": "validate lint test verify inspect",
-    "info": "show status summary describe list ls cat",
+    "info": "show status summary describe cat",
     "plot": "draw graph figure",
     "export": "csv save convert dump",
     "compare": "benchmark bench study",
@@ -87,6 +87,7 @@ COMMANDS = {
     "report": "html page",
     "view": "open 3d animate animation play",
     "render": "film movie video gif mp4 png picture image",
+    "models": "list ls library catalog catalogue examples mechanisms",
     "schema": "reference format fields",
 }
 

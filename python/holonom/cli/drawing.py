@@ -43,6 +43,10 @@ def plot(
     output: Annotated[
         Path | None, output_to("Picture: .svg, .pdf or .png; by default RESULT.svg.")
     ] = None,
+    label: Annotated[
+        list[str] | None,
+        typer.Option(help="What a run is called, once for each; their files by default."),
+    ] = None,
     start: Annotated[float | None, seconds("--from", "Draw from here on.")] = None,
     end: Annotated[float | None, seconds("--to", "Draw up to here.")] = None,
     interval: Annotated[
@@ -79,6 +83,7 @@ def plot(
         first.plot(
             *channels,
             others=others,
+            labels=label or None,
             start=start,
             end=end,
             interval=interval,

@@ -19,6 +19,7 @@ from holonom.cli.arguments import (
     made_of,
     opened,
     output_to,
+    require_times,
     seconds,
 )
 from holonom.cli.terminal import complain, done
@@ -26,6 +27,9 @@ from holonom.cli.words import read_times
 from holonom.options import times_at
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from holonom.result import Result
 
 
@@ -50,6 +54,8 @@ def export(
     times: Annotated[
         str | None, typer.Option(help="Times of the rows, s, with commas: 0.1,0.25.")
     ] = None,
+    start: Annotated[float | None, seconds("--from", "Write rows from here on.")] = None,
+    end: Annotated[float | None, seconds("--to", "Write rows up to here.")] = None,
     force: Force = False,
     recover: Recover = False,
     json_: Json = False,
@@ -60,21 +66,23 @@ def export(
     if json_ and str(output) == "-":
         tip = "leave one of them out, or name a file with `-o FILE`"
         raise UsageError("`-o -` prints CSV and `--json` prints JSON", help=tip)
+    require_times(start, end)
     format_ = format_of(output, format_)
     ending, write = FORMATS[format_]
     target = output or made_of(result, ending)
     if str(target) != "-":  # now, and of the file itself: rows at other times are in memory
         files.require_target(target, format_, inputs=[result], force=force)
     with opened(result, recover=recover) as stored:
-        rows = _row_times(stored, interval, times)
-        loaded = stored if rows is None else stored.at(rows, channels)
+        wanted = _row_times(stored, interval, times)
+        loaded = stored if wanted is None else stored.at(wanted, channels)
+        rows = _part(loaded.time, start, end)
         if str(target) == "-":
             if format_ != "csv":
                 tip = f"name a file: `-o {made_of(Path(result.name), ending)}`"
                 raise UsageError(f"`-o -` prints CSV, not {format_}", help=tip)
-            write_csv(loaded, sys.stdout, channels)
+            write_csv(loaded, sys.stdout, channels, rows=rows)
             return Exit.OK
-        write(loaded, target, channels, force=force)
+        write(loaded, target, channels, rows=rows, force=force)
         if not loaded.time.size:
             complain("the result has no rows; the table has a heading only", "warning")
     return done("table", target, json_)
@@ -95,3 +103,16 @@ def _row_times(result: Result, interval: float | None, times: str | None) -> lis
         )
     first, last = result.span or (float(result.time[0]), float(result.time[-1]))
     return times_at(interval, first, last, name="--interval")
+
+
+def _part(times: NDArray[np.float64], start: float | None, end: float | None) -> slice:
+    """Return which rows lie between two times, s."""
+    first = 0 if start is None else int(times.searchsorted(start))
+    beyond = times.size if end is None else int(times.searchsorted(end, side="right"))
+    if times.size and first >= beyond:
+        raise UsageError(
+            f"no row lies between `--from` and `--to`; they go from {times[0]:g} s to "
+            f"{times[-1]:g} s",
+            help="take a part of them, or rows in between by `--interval`",
+        )
+    return slice(first, beyond)
