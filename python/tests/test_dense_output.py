@@ -299,7 +299,7 @@ def test_the_command_exports_rows_at_other_times(wheel: holonom.Model, tmp_path:
     )
     assert invoke(["export", str(path), "--interval", "0.3", "-o", str(table)]) == 0
     times = [float(row[0]) for row in _table(table)[1:]]
-    np.testing.assert_allclose(times, 0.3 * np.arange(7), atol=1e-15)
+    np.testing.assert_allclose(times, [*(0.3 * np.arange(7)), 2.0], atol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -61,8 +61,11 @@ def output_to(text: str, metavar: str | None = None) -> Any:
 
 
 def made_of(result: Path, ending: str) -> Path:
-    """Return the name of what is made of a result where none is given: its own, and an ending."""
-    return Path(f"{str(result).removesuffix('.holonom')}{ending}")
+    """Return the name of what is made of a result where none is given: its own, and an ending.
+
+    What has that ending is the target itself, which is refused where it is the result.
+    """
+    return Path(str(result).removesuffix(".holonom").removesuffix(ending) + ending)
 
 
 def load_model(path: Path, values: list[str] | None) -> Model:
