@@ -247,6 +247,8 @@ def test_lengths_and_angles_of_a_deformation_have_axes_of_their_own() -> None:
         assert picture.label == f"{name}, {word}, {unit}"
     rates = result.plot(name, derivative=True)
     assert {panel.label for panel in rates.panels} == {"m/s", "rad/s"}
+    spectra = result.plot(name, fft=True).panels
+    assert [panel.label for panel in spectra] == ["amplitude, m", "amplitude, rad"]
 
 
 def test_what_moves_less_than_ten_tolerances_is_not_shown_large() -> None:

@@ -162,7 +162,7 @@ def _times(
     count = (last - first) / speed * fps
     if not count <= MOST_FRAMES:
         raise UsageError(
-            f"the film would have {count:.6g} frames; {MOST_FRAMES} at most",
+            f"the film would have more than {MOST_FRAMES} frames",
             help="raise the speed, or show less of the run",
         )
     return list(np.linspace(first, last, max(1, round(count)) + 1))
