@@ -78,7 +78,7 @@ def dataset(
     coordinates: dict[str, Any] = {"time": ("time", result.time[rows], {"units": "s"})}
     for name in _names(result, channels):
         values = result[name][rows]
-        attributes = {"units": _unit(result, name) or "1", "frame": result.frame(name)}
+        attributes = {"units": result.unit(name) or "1", "frame": result.frame(name)}
         dims = ["time"]
         if values.ndim > 1:
             size, ending = values.shape[1], name.rpartition(".")[2]
@@ -165,7 +165,7 @@ def write_matlab(
     texts = {
         "channel": names,
         "variable": list(variables.values()),
-        "unit": [_unit(result, name) for name in names],
+        "unit": [result.unit(name) for name in names],
         "frame": [result.frame(name) for name in names],
     }
     facts = {key: np.array(values, dtype=object) for key, values in texts.items()}
@@ -271,13 +271,6 @@ def format_of(path: Path | None, stated: str | None) -> str:
 
 def _names(result: Result, channels: list[str] | None) -> list[str]:
     return (result.expand(channels) if channels else []) or result.channels
-
-
-def _unit(result: Result, name: str) -> str:
-    """Return the unit of a channel, or that of a component."""
-    whole, index = split_component(name)
-    unit = result.unit(name)
-    return unit if index is None else component_units(unit, result.matrix(whole).shape[1])[index]
 
 
 def _columns(

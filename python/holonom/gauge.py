@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from holonom.channels import component_units
 from holonom.store.layout import Quantity
 
 Series = NDArray[np.float64]
@@ -98,8 +99,7 @@ class Part:
         """Return the unit of `compare`, of a channel of this unit."""
         if self.kind == "orientation":
             return "rad" if index is None else whole
-        shared = whole.split(", ")  # of a deformation: m, rad
-        return shared[-1 if self.absolute == "rotation" else 0]
+        return component_units(whole, 2)[int(self.absolute == "rotation")]
 
 
 class Furthest(NamedTuple):

@@ -27,7 +27,7 @@ MAY_USE: dict[str, set[str]] = {
     "states": {"store"},
     "summary": set(),
     "signals": set(),
-    "gauge": {"store"},
+    "gauge": {"channels", "store"},
     "pictures": {"channels", "gauge", "options", "signals"},
     "certification": {"certificate", "channels", "gauge", "options", "store"},
     "result": {"certificate", "channels", "model", "options", "pictures", "states", "store"},

@@ -73,6 +73,7 @@ def test_lengths_and_angles_of_a_deformation_have_units_of_their_own(tmp_path: P
     name = "bushing_front_right.deformation"
     result = model.simulate(end_time=0.01, interval=0.01, channels=[name])
     units = {f"{name}[{i}]": "m" if i < 3 else "rad" for i in range(6)}
+    assert {key: result.unit(key) for key in units} == units
     assert result.to_pandas([name]).attrs["units"] == units
     heading = result.to_csv(tmp_path / "d.csv", [name]).read_text().splitlines()[0]
     assert heading == ",".join(["time (s)", *(f"{key} ({unit})" for key, unit in units.items())])

@@ -14,6 +14,7 @@ from holonom.base.text import quoted
 from holonom.channels import (
     FROM_ZERO,
     LISTED,
+    component_units,
     expand,
     is_from_end,
     is_pattern,
@@ -150,8 +151,11 @@ class Arrays(Facts):
         return [name for name in self.meta.get("requested", []) if name in self]
 
     def unit(self, name: str) -> str:
-        """Return the SI unit of a channel."""
-        return self._quantity(name).unit
+        """Return the SI unit of a channel, or of a component of one."""
+        quantity, (_, index) = self._quantity(name), split_component(name)
+        if index is None:
+            return quantity.unit
+        return component_units(quantity.unit, quantity.size)[index]
 
     def frame(self, name: str) -> str:
         """Return the axes in which a channel's components are given; empty for scalars."""

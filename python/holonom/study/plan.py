@@ -79,7 +79,11 @@ def times(model: Model, options: Options, given: Result | None) -> tuple[Series,
         begin = float(model.defaults.get("start_time") or 0.0)
     if end is None:
         end = model.defaults.get("end_time")
-        if given is not None and given.time.size and not (end and end <= given.time[-1]):
+        if (
+            given is not None
+            and given.time.size
+            and not (end is not None and end <= given.time[-1])
+        ):
             end = float(given.time[-1])
     if end is None:
         raise UsageError(
