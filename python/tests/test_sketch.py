@@ -102,6 +102,22 @@ def test_what_travels_is_followed_and_its_road_passes(vehicle: Result) -> None:
     assert vehicle.sketch().document().count("<g opacity") >= 1  # it stands there more than once
 
 
+def test_rods_do_not_cover_what_joins_them() -> None:
+    made = holonom.Model.library("spatial_four_bar").simulate(end_time=0.1).sketch([0.0])
+    parts = list(ET.fromstring(made.document()).iter(f"{SVG}path"))
+    symbols = [k for k, p in enumerate(parts) if not p.get("stroke-linecap")]
+    assert len(symbols) == 4
+    for k in symbols:
+        place = np.array(re.findall(r"[-.\d]+", parts[k].get("d", ""))[:2], dtype=float)
+        for later in parts[k + 1 :]:
+            if later.get("stroke-linecap"):
+                first, last = places(later.get("d", ""))
+                along = last - first
+                part = np.clip((place - first) @ along / (along @ along), 0.0, 1.0)
+                away = np.linalg.norm(first + part * along - place)
+                assert away > 0.5 * float(later.get("stroke-width", 0.0))
+
+
 def test_a_box_shows_the_faces_that_look_at_the_eye() -> None:
     solid = _solid({"type": "box", "size": [2.0, 2.0, 2.0], "at": [0.0, 0.0, 0.0]})
     assert solid is not None
@@ -141,6 +157,15 @@ def test_shapes_reach_as_far_as_they_say(shape: dict[str, object], reach: float)
     solid = _solid(shape)
     assert solid is not None
     assert solid.points[:, 0].max() + solid.radius == pytest.approx(reach, abs=1e-2)
+
+
+def test_what_is_not_seen_at_all_is_not_drawn() -> None:
+    seen = 'seen = { type = "box", size = [0.5, 0.5, 0.5], opacity = 0.5 }'
+    unseen = 'unseen = { type = "sphere", radius = 3.0, opacity = 0.0 }'
+    text = BOB.replace("bob = {", f"bob = {{ shapes = {{ {seen}, {unseen} }},", 1)
+    model = holonom.Model.from_text(text)
+    drawn = scene(model.simulate(end_time=0.1))
+    assert [s["type"] for body in drawn["bodies"] for s in body["shapes"]] == ["box"]
 
 
 def test_a_mesh_is_drawn_by_its_faces() -> None:
@@ -191,6 +216,8 @@ def test_texts_of_a_model_cannot_leave_a_sketch() -> None:
     tags = {e.tag for e in ET.fromstring(made.document()).iter()}
     assert f"{SVG}script" not in tags
     assert "</svg><script>" in made.title
+    bell = holonom.Model.from_text(PENDULUM.replace("Rod on a pin", r"Bell \u0007")).simulate()
+    assert "Bell \\x07" in ET.fromstring(bell.sketch().document()).get("aria-label", "")
 
 
 def test_rows_are_poses_where_there_are_no_steps() -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
 
 import numpy as np
 
+from holonom.base.text import escape
 from holonom.pictures.picture import Line, Panel, Picture, Series
 from holonom.pictures.ticks import Ticks, limits, linear, logarithmic
 
@@ -22,8 +21,6 @@ _ROW = 16.0  # a row of text
 _SAMPLE = 32.0  # length of a line in the legend
 _GAP = 14.0  # between panels, and between entries of a legend
 _RIGHT = 14.0
-#: Characters that XML does not know.
-_FOREIGN = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 #: Widths of characters in parts of the font size, about; others take 0.6.
 _NARROW = {**dict.fromkeys("iljI.,:;|'!·", 0.28), **dict.fromkeys("ftr()[]-/ ", 0.36)}
 _WIDE = {**dict.fromkeys("mwMW@—", 0.95), **dict.fromkeys("ABCDEFGHKLNOPQRSTUVXYZ×+=−", 0.72)}
@@ -68,7 +65,7 @@ def element(picture: Picture) -> str:
 def _head(picture: Picture, height: float) -> str:
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {height:.0f}" '
-        f'role="img" aria-label="{_escaped(picture.title)}" font-family="{_FAMILY}" '
+        f'role="img" aria-label="{escape(picture.title)}" font-family="{_FAMILY}" '
         f'font-size="{_FONT}"'
     )
 
@@ -172,10 +169,10 @@ def _heading(panel: Panel, left: float, top: float) -> tuple[str, float]:
     if panel.title:
         title = shortened(panel.title, (0.6 if panel.note else 0.9) * room)
         note = shortened(panel.note, 0.9 * (room - text_width(title)))
-        note = f'<tspan dx="8" font-weight="400" fill-opacity=".65">{_escaped(note)}</tspan>'
+        note = f'<tspan dx="8" font-weight="400" fill-opacity=".65">{escape(note)}</tspan>'
         parts.append(
             f'<text x="{left:.1f}" y="{top + 12.0:.1f}" fill="currentColor" font-weight="600">'
-            f"{_escaped(title)}{note if panel.note else ''}</text>"
+            f"{escape(title)}{note if panel.note else ''}</text>"
         )
         top += _ROW + 2.0
     x, rows = left, 0
@@ -312,11 +309,7 @@ def _text(
     kind = "" if size == _FONT else f' font-size="{size}"'
     kind += "" if anchor == "start" else f' text-anchor="{anchor}"'
     kind += "" if opacity == 1.0 else f' fill-opacity="{opacity}"'
-    return f'<text x="{x:.1f}" y="{y:.1f}" fill="currentColor"{kind}>{_escaped(text)}</text>'
-
-
-def _escaped(text: str) -> str:
-    return escape(_FOREIGN.sub("\N{REPLACEMENT CHARACTER}", text))
+    return f'<text x="{x:.1f}" y="{y:.1f}" fill="currentColor"{kind}>{escape(text)}</text>'
 
 
 def text_width(text: str, size: float = _FONT) -> float:

@@ -46,11 +46,16 @@ class Outline:
 
 
 def stated(body: dict[str, Any], size: float) -> Outline | None:
-    """Return the shapes that the model states for a body; None where it states none."""
+    """Return the shapes that the model states for a body, without those that are not seen at all.
+
+    None where it states none.
+    """
     if not body["shapes"]:
         return None
     shapes, thinnest = [], size
     for shape in body["shapes"]:
+        if shape["opacity"] == 0.0:
+            continue
         drawn = {key: value for key, value in shape.items() if key not in ("name", "position")}
         drawn["at"] = shape["position"]
         if shape["type"] == "mesh":

@@ -1,7 +1,9 @@
 """The mechanism as a drawing: an SVG picture of one pose or several, or one that moves.
 
-It shows what the 3-D page shows, seen from one side without perspective: bodies as their shapes,
-springs, joints, roads. It needs no browser and no graphics card, and a moving one is a small file.
+It shows bodies as their shapes, joints that turn and bushings as dots, or as triangles where they
+stand on the ground, springs, dampers, distances, tyres and roads, seen from one side without
+perspective. Rails, springs that twist, drivers and forces at points are on the 3-D page alone. It
+needs no browser and no graphics card, and a moving one is a small file.
 """
 
 from __future__ import annotations
@@ -9,9 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from holonom.base import files
 from holonom.base.errors import UsageError
 from holonom.base.plain import as_path
+from holonom.base.text import escape
 from holonom.states import vector
 from holonom.view.encoding import unpacked
 from holonom.view.motion import pose_names, poses_of
@@ -232,6 +234,33 @@ class _Part:
         )
 
 
+class _Plane(NamedTuple):
+    """How near a part is, over the picture: the plane through its points, as far as they have one.
+
+    Attributes
+    ----------
+    middle : ndarray, shape (3,)
+        Right, up and towards the eye, m.
+    slope : ndarray, shape (2,)
+    """
+
+    middle: Array
+    slope: Array
+
+    def is_behind(self, place: Array) -> bool:
+        """Return whether a place is nearer than the plane is there."""
+        right_up = (place - self.middle)[:2]
+        return bool(place[2] >= self.middle[2] + self.slope @ right_up)
+
+
+def _plane(points: Array, size: float) -> _Plane:
+    """Return the plane through points (n, 3); what is seen end on is level, m."""
+    middle = points.mean(axis=0)
+    across, depth = np.split(points - middle, [2], axis=1)
+    least = len(points) * (1e-3 * size) ** 2 * np.eye(2)
+    return _Plane(middle, np.linalg.solve(across.T @ across + least, across.T @ depth)[:, 0])
+
+
 class _Model:
     """All parts in the picture, with its scale."""
 
@@ -255,6 +284,7 @@ class _Model:
             up = camera.axes[1] if camera.planar else _up(drawn)
             self._shift = self._shift - np.outer(self._shift @ up, up)
         self.parts: list[_Part] = []
+        self._planes: dict[int, list[_Plane]] = {}
         self._add_bodies()
         self._add_elements()
         self._fit()
@@ -277,8 +307,10 @@ class _Model:
         style: str,
         nearer: float = 0.0,
         radius: float = 0.0,
+        behind: float = -np.inf,
     ) -> None:
-        depth = float(seen[0, :, 2].mean()) + nearer
+        """Add a part by its points (n_frames, n_points, 3), nearer than what is `behind` it, m."""
+        depth = max(float(seen[0, :, 2].mean()), behind) + nearer
         self.parts.append(_Part(seen[:, :, :2], outline, style, depth, radius))
 
     def _add_bodies(self) -> None:
@@ -291,7 +323,7 @@ class _Model:
                 seen = self._world(number, solid.points)
                 color = shape.get("color")
                 fill = own if color is None else "#{:02x}{:02x}{:02x}".format(*map(int, color))
-                opacity = 0.42 if shape["type"] == "hull" else float(shape.get("opacity") or 1.0)
+                opacity = 0.42 if shape["type"] == "hull" else float(shape.get("opacity", 1.0))
                 if shape["type"] == "wheel":
                     self._add_wheel(number, shape)
                     continue
@@ -304,6 +336,8 @@ class _Model:
                     edge = _EDGE if shape["type"] != "mesh" else _EDGE.replace(".55", ".2")
                     style = f'fill="{fill}" {edge}{through}'
                 self._add(seen, solid.outline, style, radius=solid.radius)
+                plane = _plane(seen[0], self._drawn["size"])
+                self._planes.setdefault(number, []).append(plane)
 
     def _add_wheel(self, body: int, wheel: dict[str, Any]) -> None:
         drum = _solid(wheel | {"type": "wheel"})
@@ -332,10 +366,16 @@ class _Model:
                 style = f'fill="none" stroke="{color}" stroke-width="1.3" stroke-linejoin="round"'
                 self._add(seen, _line if kind == "distance" else _coil, style, 0.02 * size)
             elif kind in ("revolute", "spherical", "universal", "cylindrical", "bushing", "fixed"):
-                ground = any(f["body"] is None for f in frames)
+                joined = [f["body"] for f in frames if f["body"] is not None]
+                ground = len(joined) < len(frames)
                 fill = "currentColor" if ground else _LIGHT
                 style = f'fill="{fill}" stroke="{_INK}" stroke-width=".9"'
-                self._add(ends[-1], _support if ground else _dot, style, 0.012 * size)
+                # It is drawn after what it lies on, whose middle may be nearer than it is.
+                on = ends[-1][0, 0] + [0.0, 0.0, nearer := 0.012 * size]
+                planes = [plane for k in joined for plane in self._planes.get(k, [])]
+                behind = max((p.middle[2] for p in planes if p.is_behind(on)), default=-np.inf)
+                symbol = _support if ground else _dot
+                self._add(ends[-1], symbol, style, nearer, behind=behind)
 
     def _has_wheel(self, body: int) -> bool:
         return any(s["type"] == "wheel" for s in self._drawn["bodies"][body]["shapes"])
