@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -9,6 +10,7 @@ import stat
 import subprocess
 import sys
 import time
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +53,7 @@ def test_what_cannot_be_drawn_is_refused(crank: Result, tmp_path: Path) -> None:
         ("a.gif", {"speed": 1e-320}, "more than 20000 frames"),
         ("a.gif", {"fps": "3"}, "`fps`"),
         ("a.gif", {"fps": 1e-300}, "0.01 to 1000"),
+        ("a.gif", {"fps": 51.0}, "a fiftieth of a second"),
         ("a.png", {"at": "x"}, "`at`"),
         ("a.png", {"at": float("nan")}, "`at` is nan"),
         ("a.gif", {"start": [0.1]}, "`from`"),
@@ -113,6 +116,48 @@ def test_films_have_the_times_that_are_asked_for(crank: Result) -> None:
     times = rendering._times([crank], "gif", None, 20.0, 0.1, 0.4, 0.5)
     np.testing.assert_allclose(times, np.linspace(0.1, 0.4, 13))
     assert rendering._times([crank], "png", 0.3, 25.0, None, None, 1.0) == [0.3]
+    assert len(rendering._times([crank], "mp4", None, 60.0, None, None, 1.0)) == 31
+
+
+@pytest.mark.parametrize("fps", [7.0, 30.0, 45.0, 50.0])
+def test_a_gif_lasts_as_long_as_its_frames(
+    fps: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from PIL import Image
+
+    convert, made = Image.Image.convert, []
+    drawn = []
+    for number in range(60):
+        picture, content = Image.new("RGB", (32, 24), (4 * number, 0, 99)), io.BytesIO()
+        picture.save(content, "PNG")
+        drawn.append(content.getvalue())
+
+    def watched(image: Image.Image, *choices: str) -> Image.Image:
+        found = convert(image, *choices)
+        made.append(weakref.ref(found))
+        return found
+
+    monkeypatch.setattr(Image.Image, "convert", watched)
+    most = 0
+
+    def kept(image: Image.Image, *choices: object, **more: object) -> Image.Image:
+        nonlocal most
+        most = max(most, sum(one() is not None for one in made))
+        return quantize(image, *choices, **more)  # type: ignore[arg-type]
+
+    quantize = Image.Image.quantize
+    monkeypatch.setattr(Image.Image, "quantize", kept)
+    rendering._write_gif(tmp_path / "a.gif", iter(drawn), fps)
+    assert most < 20  # full pictures at a time
+    monkeypatch.undo()
+    with Image.open(tmp_path / "a.gif") as film:
+        lasts = 0.0
+        for number in range(getattr(film, "n_frames", 1)):
+            film.seek(number)
+            assert film.info["duration"] >= 20
+            lasts += film.info["duration"]
+    assert lasts == pytest.approx(1000.0 * 60 / fps, abs=10.0)
+    np.testing.assert_allclose(pixels(tmp_path / "a.gif")[0, 0], [0, 0, 99], atol=8)
 
 
 @pytest.mark.browser

@@ -153,7 +153,9 @@ def render(
     camera: Annotated[
         str, typer.Option(help="Where it is seen from: iso, front, side or top.")
     ] = "iso",
-    fps: Annotated[float, typer.Option(help="Frames of a film per second.")] = 25.0,
+    fps: Annotated[
+        float, typer.Option(help="Frames of a film per second; of a GIF 50 at most.")
+    ] = 25.0,
     start: Annotated[float | None, seconds("--from", "Where a film begins.")] = None,
     end: Annotated[float | None, seconds("--to", "Where a film ends.")] = None,
     speed: Annotated[float, typer.Option(help="Seconds of the run per second of the film.")] = 1.0,

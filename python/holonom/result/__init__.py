@@ -310,7 +310,7 @@ class Result(Arrays):
         camera : {"iso", "front", "side", "top"}
             Where it is seen from.
         fps : float
-            Frames of a film per second.
+            Frames of a film per second, 0.01 to 1000; of a GIF 50 at most.
         start, end : float, optional
             Span of a film, s of the run; the whole run by default.
         speed : float

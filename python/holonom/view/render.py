@@ -39,8 +39,9 @@ FORMATS = (".png", ".gif", ".mp4")
 PATIENCE = 120.0
 #: Frames of a film at most, and pixels along an edge.
 MOST_FRAMES, SMALLEST, LARGEST = 20_000, 16, 8192
-#: Frames per second; a GIF tells of a frame how many hundredths of a second it lasts, in 16 bits.
-SLOWEST, FASTEST = 0.01, 1000.0
+#: Frames per second; a GIF tells of a frame how many hundredths of a second it lasts, in 16 bits,
+#: and where it lasts less than two, it is shown for longer.
+SLOWEST, FASTEST, FASTEST_GIF = 0.01, 1000.0, 50.0
 
 #: Called with the number of frames that are done and how many there are.
 Progress = Callable[[int, int], None]
@@ -165,6 +166,11 @@ def _times(
             f"the film would have more than {MOST_FRAMES} frames",
             help="raise the speed, or show less of the run",
         )
+    if kind == "gif" and fps > FASTEST_GIF:
+        raise UsageError(
+            f"`fps` is {fps:g}, and a frame of a GIF is shown for a fiftieth of a second at least",
+            help=f"take {FASTEST_GIF:g} frames per second or fewer, or write an MP4",
+        )
     return list(np.linspace(first, last, max(1, round(count)) + 1))
 
 
@@ -237,23 +243,28 @@ def _pillow() -> Any:
 
 def _write_gif(path: Path, frames: Iterator[bytes], fps: float) -> None:
     image = _pillow()
-    pictures: list[Image.Image] = [image.open(io.BytesIO(frame)).convert("RGB") for frame in frames]
+    kept = list(frames)  # as they came: their pixels would be many times as large
+
+    def picture(frame: bytes) -> Image.Image:
+        whole: Image.Image = image.open(io.BytesIO(frame)).convert("RGB")
+        return whole
+
     # One palette for the whole film, without dithering: what does not move does not change.
-    some = pictures[:: max(1, len(pictures) // 8)]
-    width, height = pictures[0].size
+    some = [picture(frame) for frame in kept[:: max(1, len(kept) // 8)]]
+    width, height = some[0].size
     sheet = image.new("RGB", (width, height * len(some)))
-    for number, picture in enumerate(some):
-        sheet.paste(picture, (0, height * number))
+    for number, one in enumerate(some):
+        sheet.paste(one, (0, height * number))
     palette = sheet.quantize(255, method=image.Quantize.MAXCOVERAGE)
-    reduced = [picture.quantize(palette=palette, dither=image.Dither.NONE) for picture in pictures]
+    reduced = (picture(f).quantize(palette=palette, dither=image.Dither.NONE) for f in kept)
     # Durations are hundredths of a second; their sum stays right.
-    ends = [round(100.0 * (number + 1) / fps) for number in range(len(reduced))]
-    durations = [10 * max(2, end - begin) for begin, end in zip([0, *ends], ends, strict=False)]
-    reduced[0].save(
+    ends = [round(100.0 * (number + 1) / fps) for number in range(len(kept))]
+    durations = [10 * (end - begin) for begin, end in zip([0, *ends], ends, strict=False)]
+    next(reduced).save(
         path,
         format="GIF",
         save_all=True,
-        append_images=reduced[1:],
+        append_images=reduced,
         duration=durations,
         loop=0,
         comment=b"Holonom",
