@@ -26,6 +26,7 @@ from conftest import (
     SUMMARY,
     oscillator_text,
     synthetic_chunk,
+    write_result,
 )
 from hypothesis import given
 from hypothesis import strategies as st
@@ -35,10 +36,11 @@ import holonom
 from holonom.base.errors import FileError, UsageError
 from holonom.pictures import runs as pictures
 from holonom.pictures import svg
-from holonom.pictures.picture import POINTS, thinned
+from holonom.pictures.picture import POINTS, Line, Panel, Picture, thinned
+from holonom.report import page as report_page
 from holonom.report import render
 from holonom.report.extrema import extrema
-from holonom.report.figures import MOST_NUMBERS
+from holonom.report.figures import MOST_POINTS, Figures
 from holonom.report.graph import graph
 from holonom.report.page import CHANNELS_DRAWN
 from holonom.result import Result
@@ -216,6 +218,39 @@ def test_the_page_has_the_numbers_of_its_figures(stored: Path) -> None:
         np.testing.assert_allclose(line["y"], whole["q"][:, i], atol=1e-7)
 
 
+def test_small_numbers_keep_their_digits_along_a_logarithm() -> None:
+    falls = 10.0 ** -np.linspace(0.0, 14.0, 50)
+    panels = [
+        Panel([Line(np.arange(50.0), falls)], "m", logarithmic=logs) for logs in (True, False)
+    ]
+    figures = Figures(2)
+    figures.add(Picture("", panels), "")
+    logarithmic, linear = (panel["lines"][0]["y"] for panel in numbers(figures.data())[0]["panels"])
+    np.testing.assert_allclose(logarithmic, falls, rtol=1e-7)
+    np.testing.assert_allclose(linear, falls, atol=1e-7)
+
+
+def test_what_is_long_is_told_in_few_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "skin.stl").write_bytes((MODELS / "hmmwv14" / "body.stl").read_bytes())
+    skin = 'shapes.skin = { type = "mesh", file = "skin.stl" }'
+    text = PENDULUM.replace("position = [0.8, 0.0]", f"position = [0.8, 0.0], {skin}")
+    (tmp_path / "model.toml").write_text(text)
+    result = holonom.Model.load(tmp_path / "model.toml").simulate(
+        output_times=np.linspace(0.0, 1.0, 101)
+    )
+    page = render(result)
+    assert "56 faces, [" in page
+    assert "101 output times, 0.0 to 1.0" in page
+    model = page[page.index("<pre>") : page.index("</pre>")]
+    assert model.count("\n") < 100
+    monkeypatch.setattr(report_page, "EVENTS_TOLD", 3)
+    write_result(tmp_path / "rod.holonom").close()
+    with Result.load(tmp_path / "rod.holonom") as stored:
+        page = render(stored)
+    assert "The first 3 of 4 events" in page
+    assert page.count("breakpoint") == 3
+
+
 def test_the_size_of_a_page_is_bounded() -> None:
     model = holonom.Model.from_text(PENDULUM)
     names = ["rod.position", "rod.velocity", "rod.acceleration", "pin.force", "energy.*"]
@@ -224,7 +259,7 @@ def test_the_size_of_a_page_is_bounded() -> None:
     text = render(result)
     assert len(text) < 8_000_000
     counts = [line["count"] for f in numbers(text) for p in f["panels"] for line in p["lines"]]
-    assert sum(counts) < 1.2 * MOST_NUMBERS
+    assert sum(counts) < 1.2 * MOST_POINTS
     drawn = numbers(text)[0]["panels"][0]["lines"][0]["y"]
     truth = result["rod.position[0]"]
     np.testing.assert_allclose([drawn.min(), drawn.max()], [truth.min(), truth.max()], rtol=1e-6)

@@ -16,8 +16,8 @@ from holonom.pictures.picture import Picture, thinned
 
 Series = NDArray[np.float64]
 
-#: Numbers of all figures together; longer signals keep the ends of the range of every stretch.
-MOST_NUMBERS = 400_000
+#: Points of all figures together; longer signals keep the ends of the range of every stretch.
+MOST_POINTS = 400_000
 
 
 class Figures:
@@ -30,7 +30,7 @@ class Figures:
     """
 
     def __init__(self, lines: int) -> None:
-        self._most = max(2000, MOST_NUMBERS // max(lines, 1))
+        self._most = MOST_POINTS // max(lines, 1)
         self._figures: list[dict[str, Any]] = []
         self._blob = bytearray()
         self._places: dict[bytes, int] = {}
@@ -60,7 +60,7 @@ class Figures:
                                 "drawn": line.drawn,
                                 "dash": line.dash,
                                 "wraps": line.wraps,
-                                **self._numbers(line.x, line.y),
+                                **self._numbers(line.x, line.y, panel.logarithmic),
                             }
                             for line in panel.lines
                         ],
@@ -81,11 +81,12 @@ class Figures:
         head += b" " * (-(len(head) + 4) % 8)  # numbers begin at a multiple of their size
         return packed("figures", len(head).to_bytes(4, "little") + head + self._blob)
 
-    def _numbers(self, x: Series, y: Series) -> dict[str, Any]:
+    def _numbers(self, x: Series, y: Series, logarithmic: bool) -> dict[str, Any]:
         if x.size > self._most:
             x, y = thinned(x, y, self._most)
+        # Single precision serves far from zero, too; but along a logarithm each value for itself.
         finite = y[np.isfinite(y)]
-        base = float(finite[0]) if finite.size else 0.0
+        base = 0.0 if logarithmic or not finite.size else float(finite[0])
         return {
             "x": self._put(np.ascontiguousarray(x, "<f8").tobytes()),
             "y": self._put(np.ascontiguousarray(y - base, "<f4").tobytes()),

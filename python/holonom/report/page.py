@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 BODIES_DRAWN = 6
 #: Channels drawn at most; the extrema are those of all.
 CHANNELS_DRAWN = 60
+#: Events told at most.
+EVENTS_TOLD = 200
 #: Bytes of channels within the 3-D view: the report draws those that were asked for itself.
 _VIEW_CHANNELS = 400_000
 
@@ -301,9 +303,14 @@ def _events(result: Result) -> str:
             str(e.get("kind", "")),
             plain({k: v for k, v in e.items() if k not in ("time", "kind")}),
         )
-        for e in result.events
+        for e in result.events[:EVENTS_TOLD]
     ]
-    return "<h3>Events</h3>" + card(grid(("time", "kind", ""), rows)) if rows else ""
+    if not rows:
+        return ""
+    count = len(result.events)
+    said = f"The first {len(rows)} of {count} events; `Result.events` has the others."
+    note = f'<p class="note">{said}</p>' if count > len(rows) else ""
+    return "<h3>Events</h3>" + note + card(grid(("time", "kind", ""), rows))
 
 
 def _provenance(result: Result) -> str:
@@ -315,7 +322,7 @@ def _provenance(result: Result) -> str:
         ("finished", str(meta.get("finished", "–"))),
     ]
     rows += [(f"option {key}", value) for key, value in flat(_brief(result.options))]
-    model = json.dumps(meta.get("model", {}), indent=1, ensure_ascii=False)
+    model = json.dumps(_brief(meta.get("model") or {}), indent=1, ensure_ascii=False)
     return _folded(
         "Provenance",
         card(table(rows))
@@ -324,10 +331,18 @@ def _provenance(result: Result) -> str:
     )
 
 
-def _brief(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Shorten long lists of numbers."""
-    brief = dict(options)
-    times = brief.get("output_times")
-    if isinstance(times, list) and len(times) > 8:
-        brief["output_times"] = f"{len(times)} times from {times[0]} to {times[-1]} s"
+#: Lists that are told by their length and ends where they are long.
+_LISTS = ("output_times", "vertices", "faces")
+
+
+def _brief(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested tables with long lists of times and of what meshes consist of in few words."""
+    brief: dict[str, Any] = {}
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            brief[key] = _brief(value)
+        elif key in _LISTS and isinstance(value, list) and len(value) > 8:
+            brief[key] = f"{len(value)} {key.replace('_', ' ')}, {value[0]} to {value[-1]}"
+        else:
+            brief[key] = value
     return brief
