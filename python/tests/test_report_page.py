@@ -113,6 +113,10 @@ def test_a_part_is_drawn_larger_and_the_whole_again(
     assert browser.run(heights) == before
     browser.run("document.querySelector('[data-zoom=\"0.5\"]').click()")
     assert browser.run(RANGE) == "1.25 to 3.75 s"
+    for _ in range(18):
+        browser.run("document.querySelector('[data-zoom=\"0.5\"]').click()")
+    first, last = browser.run(RANGE)[:-2].split(" to ")
+    assert number(last) - number(first) == pytest.approx(5.0 / 2**19, rel=1e-3)
     assert browser.complaints() == []
 
 

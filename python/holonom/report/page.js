@@ -56,7 +56,7 @@
   function told(value, span) {
     if (!Number.isFinite(value)) return "–";
     const size = Math.abs(value);
-    if (size < 1e-9 * span) return "0";
+    if (size <= 1e-9 * span) return "0";
     if (size >= 1e6 || size < 1e-4) {
       const [digits, exponent] = value.toExponential(3).split("e");
       return signed(`${digits}×${power(Number(exponent))}`);
@@ -64,6 +64,9 @@
     const digits = Math.max(0, Math.min(7, 4 - Math.floor(Math.log10(Math.max(span, 1e-6 * size) || 1))));
     return signed(value.toFixed(digits));
   }
+
+  /** A time, of a span of so many seconds. */
+  const moment = (time, span) => time.toFixed(Math.max(0, Math.min(12, 4 - Math.floor(Math.log10(span)))));
 
   // --- lines
 
@@ -380,7 +383,9 @@
         one.cursor.style.display = shown ? "block" : "none";
         if (shown) one.cursor.style.left = `${this.left + ((here - from) / (to - from || 1)) * this.inner}px`;
         one.panel.lines.forEach((line, k) => {
-          one.outputs[k].textContent = shown && line.drawn ? told(valueAt(line, here), one.span) : "";
+          const value = valueAt(line, here);
+          // Along a logarithm small values are told beside large ones.
+          one.outputs[k].textContent = shown && line.drawn ? told(value, one.panel.log ? Math.abs(value) : one.span) : "";
         });
       }
     }
@@ -422,8 +427,8 @@
     const range = document.getElementById("range");
     if (!range || !view) return;
     const span = view[1] - view[0];
-    const short = (t) => signed(String(Number(t.toPrecision(6))));
-    range.textContent = cursor === null ? `${short(view[0])} to ${short(view[1])} s` : `${told(cursor, span / 10)} s`;
+    const [from, to] = view.map((time) => String(Number(moment(time, span))));
+    range.textContent = signed(cursor === null ? `${from} to ${to} s` : `${moment(cursor, span / 10)} s`);
   }
 
   // --- beginning
