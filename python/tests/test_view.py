@@ -271,6 +271,19 @@ def test_what_a_channel_reaches_between_frames_is_told(swing: Result) -> None:
     np.testing.assert_allclose(back(channel["lowest"]), -0.1, atol=1e-3)
 
 
+def test_channels_that_were_asked_for_have_fewer_frames_where_there_is_no_room() -> None:
+    asked = ["rod.position", "rod.velocity", "rod.acceleration", "pin.force", "rod.angle"]
+    result = holonom.Model.from_text(PENDULUM).simulate(end_time=60.0, channels=asked)
+    whole, small = scene(result), scene(result, 100_000)
+    for drawn in (whole, small):
+        assert {c["name"] for c in drawn["channels"] if c["asked"]} == set(asked)
+    counts = [unpacked(drawn["times"], 1).size for drawn in (whole, small)]
+    assert counts[0] > 6000
+    assert 480 <= counts[1] < 0.5 * counts[0]
+    assert small["missed"] == whole["missed"]  # bodies move as exactly
+    assert small["bodies"] == whole["bodies"]
+
+
 def test_ranges_between_frames_are_those_of_all_rows(vehicle: Result) -> None:
     drawn = scene(vehicle)
     seen = moments(vehicle)

@@ -38,8 +38,8 @@ MOMENTS_PER_FRAME = 4
 MOST_COMPUTED, MOST_READ = 1_000_000, 20_000_000
 #: Poses that are taken in one piece.
 _PIECE = 200_000
-#: Bytes of channels, before they are written as text.
-CHANNEL_BYTES = 4_000_000
+#: Bytes of channels, before they are written as text; of a value with its range to the next frame.
+CHANNEL_BYTES, _VALUE_BYTES = 4_000_000, 6
 #: Part of its range by which a curve may leave the line between two frames unseen.
 _UNSEEN = 0.005
 
@@ -60,7 +60,7 @@ def scene(result: Result, channel_bytes: int = CHANNEL_BYTES) -> dict[str, Any]:
         If the result has no rows.
     """
     model, meta = result.model, result.meta
-    times, frames, stride = moments(result)
+    times, frames, stride = moments(result, channel_bytes)
     chosen = _chosen(result, frames.size, channel_bytes)
     width = sum(model.channels[name].size for name in chosen)
     knots = Knots(size_of(model), _reaches(model), times.size)
@@ -185,8 +185,11 @@ class Moments(NamedTuple):
     stride: int
 
 
-def moments(result: Result) -> Moments:
+def moments(result: Result, channel_bytes: int = CHANNEL_BYTES) -> Moments:
     """Return what is looked at: the rows where they are near to each other, else even times.
+
+    Frames are fewer, down to `FRAMES`, where the channels that the run was asked for would not fit
+    into so many bytes.
 
     Raises
     ------
@@ -195,6 +198,9 @@ def moments(result: Result) -> Moments:
     """
     bodies = max(1, len(result.model.geometry["bodies"]))
     most = max(2, MOST_FRAMES // bodies)
+    known = result.model.channels
+    asked = sum(known[name].size for name in _asked(result) if name in known)
+    fitting = max(FRAMES, channel_bytes // (_VALUE_BYTES * max(1, asked))) + 1
     stride = -(-result.time.size // max(2, MOST_READ // bodies))
     rows, span = result.time[:: max(1, stride)], result.span
     if span is None or span[1] <= span[0]:
@@ -202,13 +208,14 @@ def moments(result: Result) -> Moments:
             raise UsageError(
                 "the result has no rows: there is nothing to show", help="run it again, for longer"
             )
-        return Moments(rows, _spread(rows.size, most), stride)
+        return Moments(rows, _spread(rows.size, min(most, fitting)), stride)
     wanted = min(_wanted(result, *span), most)
     count = min(MOMENTS_PER_FRAME * wanted, max(wanted, MOST_COMPUTED // bodies))
+    shown = min(wanted + 1, fitting)
     gaps = np.diff(rows, prepend=span[0], append=span[1])
     if rows.size and rows[0] == span[0] and gaps.max() <= 2.0 * (span[1] - span[0]) / count:
-        return Moments(rows, _spread(rows.size, wanted + 1), stride)
-    return Moments(np.linspace(*span, count + 1), _spread(count + 1, wanted + 1), 0)
+        return Moments(rows, _spread(rows.size, shown), stride)
+    return Moments(np.linspace(*span, count + 1), _spread(count + 1, shown), 0)
 
 
 def _spread(count: int, most: int) -> Indices:
