@@ -9,6 +9,7 @@ import json
 import sys
 import time
 from html.parser import HTMLParser
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from scipy.interpolate import CubicHermiteSpline
 import holonom
 from holonom.base.errors import UsageError
 from holonom.cli.commands import invoke
+from holonom.pictures.picture import COLORS
 from holonom.result import Result
 from holonom.store.reader import Reader
 from holonom.store.writer import Writer
@@ -245,6 +247,16 @@ def test_channels_are_those_of_the_result(vehicle: Result) -> None:
     low, high = channel["low"][0], channel["high"][0]
     back = low + unpacked(channel, 1)[:, 0] * (high - low) / 65534.0
     np.testing.assert_allclose(back, truth["tyre_front_left.deflection"], atol=(high - low) / 1e5)
+
+
+def test_components_have_units_of_their_own_and_the_colours_of_plots() -> None:
+    name = "bushing_front_right.deformation"
+    model = holonom.Model.load(MODELS / "hmmwv14_bushing" / "model.toml")
+    drawn = scene(model.simulate(end_time=0.02, channels=[name]))
+    (channel,) = [c for c in drawn["channels"] if c["asked"]]
+    assert channel["units"] == ["m"] * 3 + ["rad"] * 3
+    page = resources.files("holonom.view").joinpath("page.html").read_text(encoding="utf-8")
+    assert all(color in page for color in COLORS)
 
 
 @pytest.fixture(scope="module")
@@ -538,6 +550,28 @@ def test_keys_step_and_play(browser: Browser, slider: Result, tmp_path: Path) ->
     browser.wait("return holonom.time > 0.05", 20.0)
     browser.run(PRESS, "d")
     assert browser.run("return document.documentElement.dataset.theme") == "dark"
+
+
+@pytest.mark.browser
+def test_keys_step_through_rows_that_are_not_even(browser: Browser, tmp_path: Path) -> None:
+    rows = [0.0, 1e-3, 1e-2, 0.1, 1.0]
+    result = holonom.Model.from_text(PENDULUM).simulate(output_times=rows, dense_output=False)
+    browser.open(result.view(), tmp_path / "rows.html")
+    for key, row in (*(("ArrowRight", row) for row in rows[1:]), ("ArrowLeft", 0.1)):
+        browser.run(PRESS, key)
+        assert browser.run("return holonom.time") == pytest.approx(row, rel=1e-6)
+
+
+@pytest.mark.browser
+def test_a_run_that_has_ended_has_no_values(browser: Browser, tmp_path: Path) -> None:
+    model = holonom.Model.from_text(PENDULUM)
+    short, long = (model.simulate(end_time=end, channels=["rod.angle"]) for end in (0.5, 1.0))
+    browser.open(short.view(long), tmp_path / "two.html")
+    browser.run("holonom.seek(0.8)")
+    values = "return [...document.querySelectorAll('.plot .value')].map((one) => one.textContent)"
+    first, second = browser.run(values)
+    assert first == "–"
+    assert float(second.replace("−", "-")) != 0.0
 
 
 @pytest.mark.browser

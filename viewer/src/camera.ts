@@ -22,7 +22,7 @@ export class Camera {
 
   constructor(canvas: HTMLCanvasElement, planar: boolean, up: Vector3, private size: number) {
     if (planar) {
-      this.camera = new OrthographicCamera(-1, 1, 1, -1, 0.01, 100 * size);
+      this.camera = new OrthographicCamera(-1, 1, 1, -1, 0.01 * size, 100 * size);
     } else {
       this.camera = new PerspectiveCamera(28, 1, 0.004 * size, 400 * size);
       this.camera.up.copy(up);
@@ -86,6 +86,9 @@ export class Camera {
         target.addScaledVector(right, (left + far) / 2).addScaledVector(above, (low + high) / 2);
       }
       distance = Math.max(distance, 0.15 * this.size);
+      // What is thrown far is looked at from as far.
+      controls.maxDistance = Math.max(60 * this.size, 4 * distance);
+      camera.far = Math.max(400 * this.size, 2 * controls.maxDistance);
       camera.position.copy(target).addScaledVector(direction, distance);
       controls.target.copy(target);
     }

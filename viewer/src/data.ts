@@ -67,7 +67,6 @@ export interface Body extends Way {
   title: string;
   center: Triple;
   kind: number;
-  thickness: number;
   shapes: Shape[];
   origin: Triple;
   /** The stretch of its way where it was last. */
@@ -82,6 +81,8 @@ export interface Channel {
   frame: string;
   asked: boolean;
   components: string[];
+  /** Of each component. */
+  units: string[];
   low: number[];
   high: number[];
   /** One curve per component. */

@@ -195,7 +195,7 @@ function between(stage: Stage, first: Frame, second: Frame, mesh: Object3D, radi
     stage.place(first, a);
     stage.place(second, b);
     line.copy(b).sub(a);
-    const length = Math.max(1e-9, line.length());
+    const length = Math.max(1e-9 * stage.run.size, line.length());
     mesh.position.copy(a);
     alongZ(line.multiplyScalar(1 / length), mesh.quaternion);
     mesh.scale.set(thick ? radius : 1, thick ? radius : 1, length);
@@ -205,7 +205,8 @@ function between(stage: Stage, first: Frame, second: Frame, mesh: Object3D, radi
 function spring(stage: Stage, element: Element, add: Add): Move {
   const [first, second] = element.frames;
   const s = element.size;
-  const length = Math.max(1e-9, stage.place(first, a).distanceTo(stage.place(second, b)));
+  const least = 1e-9 * stage.run.size;
+  const length = Math.max(least, stage.place(first, a).distanceTo(stage.place(second, b)));
   const coiled = element.type === "maxwell" || element.elastic;
   const damped = element.type === "maxwell" || element.damped || !element.elastic;
   const radius = Math.min(0.2 * length, 1.7 * s);
@@ -231,7 +232,7 @@ function spring(stage: Stage, element: Element, add: Add): Move {
     stage.place(first, a);
     stage.place(second, b);
     line.copy(b).sub(a);
-    const now = Math.max(1e-9, line.length());
+    const now = Math.max(least, line.length());
     pair.position.copy(a);
     alongZ(line.multiplyScalar(1 / now), pair.quaternion);
     pair.scale.set(1, 1, now);

@@ -58,7 +58,7 @@ function lay(geometry: BufferGeometry, from: Vector3, to: Vector3): BufferGeomet
 
 export function rod(from: Vector3, to: Vector3, radius: number): BufferGeometry {
   const length = from.distanceTo(to);
-  if (length < 1e-9) return ball(from, radius);
+  if (length < 1e-6 * radius) return ball(from, radius);
   return lay(capsule(radius, length), from, to);
 }
 
@@ -171,7 +171,7 @@ export function shadowGeometry(shape: Shape): BufferGeometry | null {
     }
     case "rod": {
       const [from, to] = [vector(shape.from), vector(shape.to)];
-      if (shape.radius < small || from.distanceTo(to) < 1e-9) return null;
+      if (shape.radius < small || from.distanceTo(to) < 1e-6 * shape.radius) return null;
       return lay(new CylinderGeometry(shape.radius, shape.radius, from.distanceTo(to), 5), from, to);
     }
     case "sphere":

@@ -10,6 +10,7 @@ import { Floor } from "./floor";
 import { setDetail } from "./geometry";
 import { ICONS } from "./icons";
 import { Labels } from "./labels";
+import { endOf, placeAt } from "./motion";
 import { Panel } from "./panel";
 import { setLight } from "./surface";
 import { DARK, GHOSTS_CSS, LIGHT, theme } from "./theme";
@@ -42,7 +43,7 @@ class Page {
   private planar = this.run.dimension === "planar";
   private span = [
     Math.min(...this.runs.map((run) => run.start)),
-    Math.max(...this.runs.map((run) => run.start + run.times[run.times.length - 1])),
+    Math.max(...this.runs.map(endOf)),
   ] as [number, number];
   private canvas = byId<HTMLCanvasElement>("canvas");
   private renderer: WebGLRenderer;
@@ -143,7 +144,7 @@ class Page {
   }
 
   private extended(): void {
-    this.span[1] = this.run.start + this.run.times[this.run.times.length - 1];
+    this.span[1] = endOf(this.run);
     byId<HTMLInputElement>("scrub").max = String(this.span[1]);
     this.worlds[0].extend();
     this.panel.refresh(this.picked);
@@ -268,9 +269,10 @@ class Page {
 
   private step(frames: number): void {
     this.play(false);
-    const { times, start } = this.run;
-    const length = times[times.length - 1] || 1;
-    this.seek(start + (Math.round(((this.time - start) / length) * (times.length - 1)) + frames) * (length / Math.max(1, times.length - 1)));
+    const run = this.runs.find((one) => endOf(one) === this.span[1]) ?? this.run;
+    const { frame, part } = placeAt(run, this.time);
+    const to = frame + Math.round(part) + frames;
+    this.seek(run.start + run.times[Math.min(run.times.length - 1, Math.max(0, to))]);
   }
 
   private setSpeed(step: number): void {
@@ -431,6 +433,8 @@ class Page {
     this.setFollow(this.followed);
     this.addPointer();
     window.addEventListener("keydown", (event) => this.key(event));
+    // What was pressed by the pointer leaves the space bar to the motion.
+    window.addEventListener("click", (event) => event.detail && (event.target as HTMLElement).closest<HTMLElement>("button, summary")?.blur());
     if (this.runs.length > 1) {
       byId("legend").replaceChildren(
         ...this.runs.map((one, number) => {
@@ -508,7 +512,8 @@ class Page {
   }
 
   private key(event: KeyboardEvent): void {
-    const field = event.target instanceof HTMLSelectElement || (event.target as HTMLElement).closest?.("dialog");
+    const at = event.target as HTMLElement;
+    const field = at.closest?.("select, dialog") || (event.key === " " && at.closest?.("button, summary, a"));
     if (field || event.ctrlKey || event.metaKey || event.altKey) return;
     const many = event.shiftKey ? 10 : 1;
     const acts: Record<string, () => void> = {

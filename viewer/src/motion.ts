@@ -9,6 +9,12 @@ export interface Place {
   part: number;
 }
 
+/** When a run ends, s. */
+export const endOf = (run: Run) => run.start + run.times[run.times.length - 1];
+
+/** Whether a run has a state at a time: of runs laid over each other one may end before the others. */
+export const covers = (run: Run, time: number) => run.start <= time && time <= endOf(run);
+
 export function placeAt(run: Run, time: number): Place {
   const { times } = run;
   const last = times.length - 1;

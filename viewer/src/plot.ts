@@ -1,7 +1,7 @@
 // Curves of one channel over time, with a cursor that keeps step with the motion.
 
 import type { Channel, Run } from "./data";
-import { placeAt, valueAt } from "./motion";
+import { covers, placeAt, valueAt } from "./motion";
 import { CURVES, GHOSTS_CSS, theme } from "./theme";
 
 export interface Line {
@@ -14,7 +14,7 @@ const LEFT = 58;
 const RIGHT = 8;
 const TOP = 6;
 const BOTTOM = 18;
-/** Curves whose range is this much smaller than the largest get axes of their own. */
+/** Curves whose range is a smaller part of that of common axes get axes of their own. */
 const SMALLER = 0.1;
 
 const html = (tag: string, name = "", text = "") => {
@@ -24,7 +24,7 @@ const html = (tag: string, name = "", text = "") => {
   return element;
 };
 
-export const unitText = (unit: string) => unit.replace(/\^2/g, "²").replace(/\*/g, " ");
+export const unitText = (unit: string) => unit.replace(/\^2/g, "²").replace(/\^3/g, "³");
 
 /** A number to the digits that a plot can tell. */
 export function short(value: number, span = Math.abs(value)): string {
@@ -195,21 +195,23 @@ export class Plot {
 
   private floor: number;
 
-  /** Components that share axes: what moves little is not drawn beside what moves far. */
+  /** Components that share axes: those of one unit whose movement is seen on a common scale. */
   private grouped(floor: number): number[][] {
     const { channel } = this.lines[0];
-    const spans = channel.components.map((_, k) =>
-      Math.max(...this.lines.map(({ channel: one }) => one.high[k] - one.low[k])),
-    );
-    const order = spans.map((_, k) => k).sort((a, b) => spans[b] - spans[a]);
+    const lows = channel.components.map((_, k) => Math.min(...this.lines.map(({ channel: one }) => one.low[k])));
+    const highs = channel.components.map((_, k) => Math.max(...this.lines.map(({ channel: one }) => one.high[k])));
     const groups: number[][] = [];
-    for (const k of order) {
-      const last = groups[groups.length - 1];
-      if (last && spans[k] <= floor) groups[0].push(k); // what does not move at all needs no axes
-      else if (last && spans[k] > SMALLER * spans[last[0]]) last.push(k);
+    channel.components.forEach((_, k) => {
+      const shared = groups.find((group) => {
+        const joined = [...group, k];
+        const scale = Math.max(...joined.map((i) => highs[i])) - Math.min(...joined.map((i) => lows[i]));
+        const seen = (i: number) => highs[i] - lows[i] <= floor || highs[i] - lows[i] >= SMALLER * scale;
+        return channel.units[group[0]] === channel.units[k] && joined.every(seen);
+      });
+      if (shared) shared.push(k);
       else groups.push([k]);
-    }
-    return groups.map((group) => group.sort((a, b) => a - b));
+    });
+    return groups;
   }
 
   draw(): void {
@@ -307,7 +309,8 @@ export class Plot {
       cursor.style.transform = `translateX(${LEFT + part * (canvas.clientWidth - LEFT - RIGHT)}px)`;
     }
     for (const { cell, curve, run, span } of this.values) {
-      const text = short(valueAt(curve, placeAt(run, time)), Math.max(span, this.floor * 1e3));
+      const value = covers(run, time) ? valueAt(curve, placeAt(run, time)) : NaN;
+      const text = short(value, Math.max(span, this.floor * 1e3));
       if (cell.textContent !== text) cell.textContent = text;
     }
   }

@@ -54,7 +54,7 @@ export const PICKED = 0x1d74d8;
 export const GHOSTS = [0x1d74d8, 0xd0562b, 0x2e9b62];
 export const GHOSTS_CSS = ["#1d74d8", "#d0562b", "#2e9b62"];
 
-/** Curves: apart for colour-blind readers, on light and on dark paper. */
-export const CURVES = ["#3f7fbf", "#d9792b", "#3d9a6a", "#b0589f", "#9a8a3c", "#6f6fb0"];
+/** Curves, as in `holonom/pictures/picture.py`: apart for colour-blind readers, on light and on dark paper. */
+export const CURVES = ["#3f7fbf", "#d9792b", "#3d9a6a", "#b0589f", "#8a7a3c", "#6f6f9f"];
 
 export const theme = { now: LIGHT };

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.channels import components
+from holonom.channels import component_units, components
 from holonom.store.layout import STATE
 from holonom.view.encoding import floats, limits
 from holonom.view.motion import BYTES_PER_KNOT, KNOT_BYTES, Poses, Way, pose_names, poses_of
@@ -150,6 +150,7 @@ class Live:
                         "frame": model.channels[name].frame,
                         "asked": True,
                         "components": components(name, values.shape[1]),
+                        "units": component_units(model.channels[name].unit, values.shape[1]),
                         **self._curves(values, 0),
                     }
                     for name, values in self._channels.items()

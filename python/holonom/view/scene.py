@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.base.errors import UsageError
-from holonom.channels import components
+from holonom.channels import component_units, components
 from holonom.states import computed_from
 from holonom.summary import STATUS
 from holonom.view.encoding import curves, floats, halves, limits, turns
@@ -131,7 +131,6 @@ def mechanism(
                 "title": titles.get(body["name"], ""),
                 "center": body["center_of_mass"],
                 "kind": kinds[_weight(body)],
-                "thickness": drawn.thickness,
                 "shapes": drawn.shapes,
                 "origin": way.place[0].tolist(),
                 **moved(way, way.place[0], times[0]),
@@ -434,5 +433,6 @@ def _channels(
             "frame": quantity.frame,
             "asked": name in first,
             "components": components(name, quantity.size),
+            "units": component_units(quantity.unit, quantity.size),
         } | written
     return [found[name] for name in known if name in found]
