@@ -5,7 +5,7 @@
 #   make verify   tests with debug assertions, and the long figures
 #   make bench    kernel benchmarks and the questions of benchmarks/
 #   make viewer   rebuild the 3-D page from viewer/; needs node
-#   make docs     regenerate the pages that are derived from the code
+#   make docs     regenerate the pages and pictures that are derived from the code
 #   make clean    remove everything that was built
 #
 # `make run PYTHON=/path/to/python3` chooses the interpreter.
@@ -72,6 +72,7 @@ docs: run
 	$(BIN)/holonom schema --reference > docs/model-file.md
 	$(BIN)/holonom plot results/hmmwv14.holonom 'chassis.position[2]' 'chassis.yaw_pitch_roll[1]' \
 	    -o docs/images/hmmwv14.svg
+	for example in examples/[0-9]*.py; do $(BIN)/python "$$example" || exit 1; done
 
 viewer:
 	cd viewer && npm install --no-package-lock --no-audit --no-fund && npm run build
