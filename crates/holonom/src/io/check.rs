@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use serde_json::Value as Json;
 
-use super::expression::{Fault, evaluate};
+use super::expression::{Fault, evaluate, is_number};
 use super::limits;
 use super::names::{nearest, objection, suggest};
 use super::parameters::Parameters;
@@ -313,7 +313,9 @@ impl Checker<'_> {
         let mut out = serde_json::Map::with_capacity(table.len());
         for (name, entry) in table {
             let at = join(path, name);
-            if let Some(objection) = objection(name).filter(|_| defines) {
+            let hides = path == "parameters" && is_number(name);
+            let hidden = hides.then(|| format!("`={name}` is a number by itself"));
+            if let Some(objection) = objection(name).or(hidden).filter(|_| defines) {
                 let message = format!("`{name}` in `{path}`: {objection}");
                 self.refuse(
                     Code::BadName,

@@ -84,6 +84,11 @@ pub(super) fn is_name(name: &str) -> bool {
     matches!(token(name), Ok((Token::Name(found), ..)) if found == name)
 }
 
+/// Whether a name has a value by itself, which it would hide as the name of another: `pi`, `2`, `1e3`, `2-1`.
+pub(super) fn is_number(name: &str) -> bool {
+    evaluate(name, &mut |_| None).is_ok()
+}
+
 /// The value of an expression. A text that is a name as a whole is that name, whatever its characters.
 pub(super) fn evaluate(
     text: &str,
@@ -277,10 +282,10 @@ pub(super) fn with_numbers(text: &str, number_of: &dyn Fn(&str) -> Option<i64>) 
     names(text, &mut |name, start| {
         if let Some(number) = number_of(name) {
             out += &text[done..start];
-            // Digits beside it must not become its own.
-            let digit = |c: char| c.is_ascii_digit() || c == '.';
+            // Digits beside it must not become its own, nor must it become part of a name: k-(2) is no `k-2`.
+            let joins = |c: char| c.is_ascii_digit() || c == '.' || c == '-';
             let end = start + name.len();
-            let beside = text[..start].ends_with(digit) || text[end..].starts_with(digit);
+            let beside = text[..start].ends_with(joins) || text[end..].starts_with(joins);
             let [open, close] = if number < 0 || beside { ["(", ")"] } else { ["", ""] };
             out.extend([open, &number.to_string(), close]);
             done = end;
@@ -441,10 +446,23 @@ mod tests {
         let replaced = with_numbers("(i-i2)*min(i, k) - i", &|name| (name == "i").then_some(-3));
         assert_eq!(replaced, "((-3)-i2)*min((-3), k) - (-3)");
         assert_eq!(with_numbers("i(2)", &|_| Some(1)), "i(2)");
+        // Beside `-` it is no part of a name that can stand alone.
+        let replaced = with_numbers("a-i + i*2 - i", &|name| (name == "i").then_some(3));
+        assert_eq!(replaced, "a-(3) + 3*2 - 3");
         // Not 21: what is refused with a parameter is refused with an index.
         for text in ["2i", "i.5", "1.i"] {
             let replaced = with_numbers(text, &|_| Some(1));
             assert!(value(text).is_err() && value(&replaced).is_err(), "{text}: {replaced}");
+        }
+    }
+
+    #[test]
+    fn names_that_are_numbers_by_themselves_are_told() {
+        for name in ["pi", "2", "1e3", "1e-3", "-1", "2-1", "-pi"] {
+            assert!(is_number(name), "{name}");
+        }
+        for name in ["e", "inf", "nan", "k-2", "2nd", "sin", "pi2", "_1", "1-", ""] {
+            assert!(!is_number(name), "{name}");
         }
     }
 

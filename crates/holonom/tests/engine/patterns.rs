@@ -553,6 +553,23 @@ fn numbers_are_expressions_outside_of_patterns_too() {
 }
 
 #[test]
+fn an_index_that_is_put_in_makes_no_name_of_a_parameter() {
+    let text = r#"
+[parameters]
+k = { value = 10 }
+k-2 = { value = 99 }
+[patterns.p]
+over.i = { from = 1, to = 3 }
+bodies."b{i}" = { mass = 1.0, inertia = 1.0, position = ["=k-i", "=k-{i + 1}"] }
+"#;
+    // What braces make is a name on purpose.
+    let m = model(&text.replace("\"=k-{i + 1}\"", "\"=i-k\""));
+    let positions: Vec<_> = m.bodies.iter().map(|body| body.position).collect();
+    assert_eq!(positions, [[9.0, -9.0, 0.0], [8.0, -8.0, 0.0], [7.0, -7.0, 0.0]]);
+    assert_eq!(model(text).bodies[0].position, [9.0, 99.0, 0.0]);
+}
+
+#[test]
 fn parameters_are_expressions_of_each_other_in_any_order() {
     let text = HEAD.to_owned()
         + r#"

@@ -3,7 +3,7 @@
 use super::expander::Expander;
 use super::row::Row;
 use crate::error::Code;
-use crate::io::expression::{evaluate, is_name};
+use crate::io::expression::{evaluate, is_name, is_number};
 use crate::io::limits;
 use crate::io::names::objection;
 use crate::io::patterns::expander::table_at;
@@ -73,9 +73,11 @@ impl Expander {
         for (name, entry) in over {
             let at = join(&path_over, name);
             let taken = self.parameters.contains(name);
-            if taken || !is_name(name) || objection(name).is_some() {
-                let message = if taken {
-                    format!("the index `{name}` of `{path}` has the name of a parameter")
+            let constant = is_number(name);
+            if taken || constant || !is_name(name) || objection(name).is_some() {
+                let message = if taken || constant {
+                    let of = if taken { "a parameter" } else { "a number" };
+                    format!("the index `{name}` of `{path}` has the name of {of}")
                 } else {
                     format!("`{name}` cannot be the name of an index")
                 };
