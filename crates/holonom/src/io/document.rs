@@ -229,15 +229,10 @@ impl Document {
     fn once(&self, findings: Vec<Diagnostic>, expanded: &Expanded) -> Vec<(Span, Diagnostic)> {
         let mut out: Vec<(Span, Diagnostic)> = Vec::with_capacity(findings.len());
         let mut seen: IndexMap<(String, Code), Repeated> = IndexMap::new();
-        let mut absent = BTreeSet::new();
-        for mut finding in findings {
+        let mut exceptions = expanded.exceptions();
+        for finding in findings {
             checkpoint(NAMED);
-            if let Some(better) = expanded.absent(&finding) {
-                if !absent.insert(better.path.clone()) {
-                    continue; // said of the item, not of each of its fields
-                }
-                finding = better;
-            }
+            let Some(mut finding) = exceptions.told(finding) else { continue };
             let of_pattern = finding.path.starts_with("patterns.");
             let tree = if of_pattern { &self.root } else { &expanded.root };
             let span = span_of(tree, &finding.path, marks_key(finding.code));

@@ -1,5 +1,7 @@
 //! Numbers as arithmetic, `"=2*k"`, and names with arithmetic in braces, `link_{i - 1:02}`.
 
+use std::collections::BTreeSet;
+
 use super::limits;
 use super::names::nearest;
 
@@ -303,21 +305,31 @@ pub(super) enum Part<'a> {
 }
 
 /// Whether a name is what a text with braces gives for some numbers: `link_07` for `link_{i:02}`.
-pub(super) fn could_be(text: &str, name: &str) -> bool {
-    fn fits(parts: &[Part<'_>], name: &str) -> bool {
-        match parts {
-            [] => name.is_empty(),
-            [Part::Plain(plain), rest @ ..] => {
-                name.strip_prefix(plain).is_some_and(|name| fits(rest, name))
-            }
-            [Part::Number(..), rest @ ..] => {
-                let unsigned = name.strip_prefix('-').unwrap_or(name);
-                let digits = unsigned.find(|c: char| !c.is_ascii_digit()).unwrap_or(unsigned.len());
-                (1..=digits).rev().any(|n| fits(rest, &unsigned[n..]))
-            }
-        }
+pub(super) fn could_be(parts: &[Part<'_>], name: &str) -> bool {
+    if name.len() > 4 * limits::NAME_CHARACTERS {
+        return false; // no name
     }
-    parts(text).is_ok_and(|parts| fits(&parts, name))
+    // Where in the name the parts so far can end.
+    let mut ends = BTreeSet::from([0]);
+    for part in parts {
+        ends = match part {
+            Part::Plain(plain) => {
+                let fitting = ends.into_iter().filter(|end| name[*end..].starts_with(plain));
+                fitting.map(|end| end + plain.len()).collect()
+            }
+            Part::Number(..) => {
+                let mut inside = false;
+                let digits = name.bytes().enumerate().filter(|(at, byte)| {
+                    let signed =
+                        *at > 0 && name.as_bytes()[at - 1] == b'-' && ends.contains(&(at - 1));
+                    inside = byte.is_ascii_digit() && (inside || signed || ends.contains(at));
+                    inside
+                });
+                digits.map(|(at, _)| at + 1).collect()
+            }
+        };
+    }
+    ends.contains(&name.len())
 }
 
 /// The parts of `link_{i - 1:02}`; doubled braces stand for themselves.
@@ -453,6 +465,33 @@ mod tests {
         for text in ["2i", "i.5", "1.i"] {
             let replaced = with_numbers(text, &|_| Some(1));
             assert!(value(text).is_err() && value(&replaced).is_err(), "{text}: {replaced}");
+        }
+    }
+
+    #[test]
+    fn a_name_could_be_made_where_some_numbers_make_it() {
+        let many = "{i}".repeat(60);
+        for (text, name, truth) in [
+            ("link_{i:02}", "link_07", true),
+            ("link_{i}", "link_-7", true),
+            ("link_{i}", "link_", false),
+            ("link_{i}", "link_7a", false),
+            ("link_{i}", "link_--7", false),
+            ("l{i}_{j}", "l1_2", true),
+            ("l{i}_{j}", "l1_", false),
+            ("{i}{j}", "1-2", true),
+            ("{i}{j}", "12", true),
+            ("{i}{j}", "1", false),
+            ("{i}1{j}", "21112", true),
+            ("ä{i}ö", "ä12ö", true),
+            ("{{{i}", "{3", true),
+            ("plain", "plain", true),
+            ("", "", true),
+            (&many, &"1".repeat(60), true),
+            (&many, &"1".repeat(59), false),
+            (&(many.clone() + "x"), &"1".repeat(120), false), // at once: not all ways are tried
+        ] {
+            assert_eq!(could_be(&parts(text).unwrap(), name), truth, "{text} {name}");
         }
     }
 

@@ -6,9 +6,9 @@ use indexmap::IndexMap;
 
 use super::indices::{Indices, at};
 use super::row::{Row, Trouble, size};
-use super::{CHANNELS, Expanded, Origin, SECTIONS};
+use super::{CHANNELS, Expanded, Key, Made, Origin, SECTIONS};
 use crate::error::{Code, Diagnostic};
-use crate::io::expression::{Fault, could_be};
+use crate::io::expression::Fault;
 use crate::io::limits;
 use crate::io::merge::merge;
 use crate::io::names::suggest;
@@ -27,8 +27,6 @@ pub(super) struct Expander {
     /// Values written so far, as limits count them.
     values: usize,
     pub(super) out: Expanded,
-    /// Names that patterns make, by section: text with braces, and the pattern.
-    keys: [Vec<(String, usize)>; SECTIONS.len()],
 }
 
 /// The table that `path` leads to.
@@ -62,14 +60,13 @@ impl Expander {
             made: SECTIONS.map(|_| Table::new()),
             channels: Vec::new(),
             values: 0,
-            keys: SECTIONS.map(|_| Vec::new()),
             out: Expanded {
                 root: Node { value: Value::Bool(false), span: Span::SET },
                 errors: Vec::new(),
                 origins: IndexMap::new(),
                 patterns: Vec::new(),
                 templates: Vec::new(),
-                beside: IndexMap::new(),
+                keys: Vec::new(),
             },
         }
     }
@@ -111,11 +108,12 @@ impl Expander {
 
     pub(super) fn patterns(&mut self, file: &mut Table) {
         let Some(patterns) = table_at(file, &["patterns"]) else { return };
-        patterns.retain(|_, entry| {
+        let is_off = |entry: &Entry| {
             let enabled = entry.node.field("enabled").map(|node| &node.value);
-            !matches!(enabled, Some(Value::Bool(false)))
-        });
-        for (name, entry) in patterns {
+            matches!(enabled, Some(Value::Bool(false)))
+        };
+        for (name, entry) in &mut *patterns {
+            let off = is_off(entry);
             let path = join("patterns", name);
             let Value::Table(pattern) = &mut entry.node.value else { continue };
             let mut repeated = Vec::new();
@@ -123,6 +121,18 @@ impl Expander {
                 if let Some(items) = table_at(pattern, place) {
                     repeated.push((section, std::mem::take(items)));
                 }
+            }
+            let first_key = self.out.keys.len();
+            for (section, items) in &repeated {
+                self.out.keys.extend(items.keys().map(|text| Key {
+                    section: *section,
+                    text: text.clone(),
+                    pattern: path.clone(),
+                    made: if off { Made::Off } else { Made::Broken }, // until they are made
+                }));
+            }
+            if off {
+                continue;
             }
             let (first, last) = (CHANNELS[0], CHANNELS[1]);
             let channels = match table_at(pattern, &[first]).and_then(|table| table.get_mut(last)) {
@@ -133,11 +143,18 @@ impl Expander {
             };
             self.broken.set(false);
             let Some(indices) = self.indices(&path, pattern) else { continue };
-            self.repeat(indices, &repeated, &channels);
+            self.repeat(indices, &repeated, first_key, &channels);
         }
+        patterns.retain(|_, entry| !is_off(entry));
     }
 
-    fn repeat(&mut self, indices: Indices, repeated: &[(usize, Table)], channels: &[Node]) {
+    fn repeat(
+        &mut self,
+        indices: Indices,
+        repeated: &[(usize, Table)],
+        mut first_key: usize,
+        channels: &[Node],
+    ) {
         let count = indices.len();
         let path = indices.path.clone();
         let items = repeated.iter().flat_map(|(_, items)| items.values());
@@ -150,6 +167,8 @@ impl Expander {
         let pattern = self.out.patterns.len();
         for (section, items) in repeated {
             let (section, place) = (*section, SECTIONS[*section].join("."));
+            let keys = first_key..first_key + items.len();
+            first_key = keys.end;
             if self.made[section].len() + items.len() * count > limits::ITEMS {
                 let most = limits::ITEMS;
                 let message =
@@ -160,7 +179,6 @@ impl Expander {
             let first = self.out.templates.len();
             let below = format!("{path}.{place}");
             self.out.templates.extend(items.keys().map(|key| join(&below, key)));
-            self.keys[section].extend(items.keys().map(|key| (key.clone(), pattern)));
             let mut failed = vec![false; items.len()];
             for row in 0..count {
                 for (k, (key, entry)) in items.iter().enumerate() {
@@ -170,6 +188,10 @@ impl Expander {
                     let origin = Origin { template: first + k, pattern, row };
                     failed[k] = !self.item(&indices, section, &place, (key, entry), origin);
                 }
+            }
+            for (key, _) in self.out.keys[keys].iter_mut().zip(failed).filter(|(_, failed)| !failed)
+            {
+                key.made = Made::All(pattern);
             }
         }
         let first = self.out.templates.len();
@@ -264,26 +286,20 @@ impl Expander {
 
     /// Puts what was written into the file.
     pub(super) fn lay_out(&mut self, file: &mut Table) {
-        for ((place, made), keys) in SECTIONS.iter().zip(&mut self.made).zip(&self.keys) {
-            if keys.is_empty() {
+        for (place, made) in SECTIONS.iter().zip(&mut self.made) {
+            if made.is_empty() {
                 continue;
             }
             // What is no table is reported by the check.
             let Some(items) = table_for(file, place) else { continue };
             let mut made = std::mem::take(made);
-            let stated = std::mem::take(items);
-            for (name, entry) in stated {
+            for (name, entry) in std::mem::take(items) {
                 match made.get_mut(&name) {
                     Some(base) => {
                         base.key = entry.key;
                         merge(&mut base.node, entry.node);
                     }
                     None => {
-                        let could_make = |(key, _): &&(String, usize)| could_be(key, &name);
-                        if let Some((_, pattern)) = keys.iter().find(could_make) {
-                            let path = join(&place.join("."), &name);
-                            self.out.beside.insert(path, *pattern);
-                        }
                         items.insert(name, entry);
                     }
                 }

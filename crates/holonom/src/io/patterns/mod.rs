@@ -9,12 +9,15 @@ mod expander;
 mod indices;
 mod row;
 
+use std::collections::BTreeSet;
+
 use indexmap::IndexMap;
 
 use self::expander::Expander;
 use self::indices::Indices;
+use super::expression::{Part, could_be, parts};
 use super::parameters::Parameters;
-use super::tree::{Node, Value, node_at, parse_path, path_of};
+use super::tree::{Node, Step, Value, node_at, parse_path, path_of};
 use crate::error::{Code, Diagnostic};
 
 /// Tables of items that patterns repeat: the same path in a pattern and in the file.
@@ -40,8 +43,29 @@ pub(super) struct Expanded {
     patterns: Vec<Indices>,
     /// Paths of what is repeated, `patterns.chain.bodies."link_{i}"`.
     templates: Vec<String>,
-    /// By the path of a plainly stated item whose name a pattern could make: that pattern.
-    beside: IndexMap<String, usize>,
+    /// Names that patterns make where nothing is wrong with them.
+    keys: Vec<Key>,
+}
+
+/// Names that a pattern makes in a section.
+struct Key {
+    section: usize,
+    /// `link_{i}`
+    text: String,
+    /// Path of the pattern.
+    pattern: String,
+    made: Made,
+}
+
+/// What came of the items of a key.
+#[derive(PartialEq)]
+enum Made {
+    /// All of them, by this pattern.
+    All(usize),
+    /// Something is wrong with them, which is reported.
+    Broken,
+    /// The pattern is switched off.
+    Off,
 }
 
 #[derive(Clone, Copy)]
@@ -72,23 +96,62 @@ impl Expanded {
         Some((path, &pattern.path, pattern.at(origin.row)))
     }
 
-    /// What a field that is missing says of an item that looks like an exception of a pattern, which makes no
-    /// such item.
-    pub(super) fn absent(&self, finding: &Diagnostic) -> Option<Diagnostic> {
-        if finding.code != Code::MissingField || self.beside.is_empty() {
+    /// What findings say of items that look like exceptions of patterns, none told yet.
+    pub(super) fn exceptions(&self) -> Exceptions<'_> {
+        let keys = self.keys.iter().filter_map(|key| Some((parts(&key.text).ok()?, key)));
+        Exceptions { expanded: self, keys: keys.collect(), told: BTreeSet::new() }
+    }
+}
+
+/// Items that look like exceptions of patterns, which make no such items.
+pub(super) struct Exceptions<'a> {
+    expanded: &'a Expanded,
+    keys: Vec<(Vec<Part<'a>>, &'a Key)>,
+    told: BTreeSet<String>,
+}
+
+impl<'a> Exceptions<'a> {
+    /// A finding, or in the place of what it says of one field of such an item what is to be said of the item;
+    /// `None` where that was told before or follows from what is wrong with the pattern.
+    pub(super) fn told(&mut self, finding: Diagnostic) -> Option<Diagnostic> {
+        let Some((item, key)) = self.exception(&finding) else { return Some(finding) };
+        let (what, first) = match key.made {
+            Made::Broken => return None,
+            _ if !self.told.insert(item.clone()) => return None,
+            Made::All(pattern) => {
+                let extent = self.expanded.patterns[pattern].extent();
+                (format!("makes no `{item}` ({extent})"), "extend the range")
+            }
+            Made::Off => (format!("is switched off and makes no `{item}`"), "switch it on"),
+        };
+        let message = format!("`{}` {what}, and it is not whole by itself", key.pattern);
+        let help = format!("{first}, remove the exception, or state all fields of the item");
+        Some(Diagnostic::new(Code::UnknownName, item, message).help(help))
+    }
+
+    /// The item that a finding says is not whole, or has nothing to switch off, and the key that its name is likely to
+    /// be meant for.
+    fn exception(&self, finding: &Diagnostic) -> Option<(String, &'a Key)> {
+        let lacks = finding.code == Code::MissingField;
+        if self.keys.is_empty() || !lacks && finding.code != Code::UnknownName {
             return None;
         }
+        let below = |place: &[&str]| {
+            finding.path.strip_prefix(&place.join(".")).is_some_and(|rest| rest.starts_with('.'))
+        };
+        let section = SECTIONS.iter().position(|place| below(place))?;
         let steps = parse_path(&finding.path)?;
-        let (item, pattern) = (2..=steps.len().min(3)).find_map(|n| {
-            let item = path_of(&steps[..n]);
-            let pattern = *self.beside.get(&item)?;
-            Some((item, &self.patterns[pattern]))
-        })?;
-        let (path, extent) = (&pattern.path, pattern.extent());
-        let message =
-            format!("`{path}` makes no `{item}` ({extent}), and it is not whole by itself");
-        let help = "extend the range, remove the exception, or state all fields of the item";
-        Some(Diagnostic::new(Code::UnknownName, item, message).help(help))
+        let item = steps.get(..=SECTIONS[section].len())?;
+        let (Some(Step::Field(name)), path) = (item.last(), path_of(item)) else { return None };
+        if self.expanded.origins.contains_key(&path) || !lacks && item.len() < steps.len() {
+            return None;
+        }
+        let fitting = self.keys.iter().filter(|(parts, key)| {
+            let concerns = lacks || key.made == Made::Broken;
+            key.section == section && concerns && could_be(parts, name)
+        });
+        let key = fitting.map(|(_, key)| *key).min_by_key(|key| key.made != Made::Broken)?;
+        Some((path, key))
     }
 }
 
