@@ -86,14 +86,17 @@ impl Checker<'_> {
             Some(text) if takes_number && text.parse().is_ok_and(f64::is_finite) => {
                 format!("write the number without quotes: {text}")
             }
+            Some(text) if takes_number && self.parameters.contains(text) => {
+                format!("write \"={text}\" to use the parameter `{text}`")
+            }
+            Some(text) if takes_number && self.is_expression(text) => {
+                format!("write \"={text}\": expressions begin with `=`")
+            }
             Some(text)
                 if takes_number
                     && text.split(' ').next().is_some_and(|n| n.parse::<f64>().is_ok()) =>
             {
                 "write the number alone, without quotes and without its unit".to_owned()
-            }
-            Some(text) if takes_number && self.parameters.contains(text) => {
-                format!("write \"={text}\" to use the parameter `{text}`")
             }
             _ => match (shape, &node.value) {
                 (Shape::Record(record), Value::Number(x)) if record.field("value").is_some() => {
@@ -103,6 +106,13 @@ impl Checker<'_> {
             },
         };
         self.refuse(Code::WrongType, path, message, help)
+    }
+
+    /// Whether a text would have a value as an expression.
+    fn is_expression(&self, text: &str) -> bool {
+        let mut broken = false;
+        let value = evaluate(text, &mut |name| self.parameters.number(name, &mut broken));
+        value.is_ok_and(f64::is_finite)
     }
 
     fn value(&mut self, shape: &Shape, node: &Node, path: &str, unit: Option<&str>) -> Json {
@@ -184,12 +194,15 @@ impl Checker<'_> {
             _ if broken => 0.0.into(), // reported at the parameter
             Ok(x) if x.abs() <= limits::NUMBER => x.into(),
             Ok(x) => {
+                let value = shown(x);
                 let message =
-                    format!("`{path}` is `={text}`, {x}; numbers of a model are at most 1e100");
+                    format!("`{path}` is `={text}`, {value}; numbers of a model are at most 1e100");
                 let help = if x.is_nan() {
-                    "look for a root, logarithm or arc of what has none, or for 0/0"
+                    "look for a division by zero, or a root, logarithm or arc of what has none"
+                } else if x.is_infinite() {
+                    "look for a division by zero, the logarithm of zero or numbers that are too large"
                 } else {
-                    "look for a division by zero"
+                    "look for a slip in a factor or an exponent"
                 };
                 self.refuse(Code::NotFinite, path, message, help)
             }

@@ -268,8 +268,7 @@ impl Document {
         let Some(expression) = written.and_then(|text| text.strip_prefix('=')) else {
             return String::new();
         };
-        let is_error = finding.code.severity() == Severity::Error;
-        if !is_error || SAYS_ITSELF.contains(&finding.code) {
+        if !OF_VALUES.contains(&finding.code) {
             return String::new();
         }
         match self.root.field("parameters").and_then(|p| p.field(expression)) {
@@ -287,9 +286,18 @@ struct Repeated {
     at: String,
 }
 
-/// Findings that quote the expression they are about, or are not about its value.
-const SAYS_ITSELF: [Code; 4] =
-    [Code::UnknownName, Code::WrongType, Code::Expression, Code::NotFinite];
+/// Errors about the value of a number that do not quote the expression it comes from.
+const OF_VALUES: [Code; 9] = [
+    Code::TooLarge,
+    Code::OutOfRange,
+    Code::Inertia,
+    Code::Matrix,
+    Code::ZeroAxis,
+    Code::NotPerpendicular,
+    Code::NotUnit,
+    Code::CoincidentPoints,
+    Code::Table,
+];
 
 /// Parameters that no text of the file refers to, switched-off items included: a variant that
 /// switches items off should not be blamed.

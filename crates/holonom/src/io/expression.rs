@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::limits;
 use super::names::nearest;
+use crate::error::shown;
 
 /// Why an expression has no value.
 #[derive(Debug, Clone, PartialEq)]
@@ -233,18 +234,20 @@ impl Reader<'_, '_> {
 
     fn call(&mut self, name: &str) -> Result<f64, Fault> {
         self.deeper()?;
-        let first = self.sum()?;
-        let second = match self.take(&[","])? {
-            Some(_) => Some(self.sum()?),
-            None => None,
-        };
+        let mut arguments = Vec::new();
+        if self.token != Token::Sign(")") {
+            arguments.push(self.sum()?);
+            while self.take(&[","])?.is_some() {
+                arguments.push(self.sum()?);
+            }
+        }
         self.depth -= 1;
         self.close()?;
         let one = OF_ONE.iter().find(|(known, _)| *known == name);
         let two = OF_TWO.iter().find(|(known, _)| *known == name);
-        match (one, two, second) {
-            (Some((_, function)), _, None) => Ok(function(first)),
-            (_, Some((_, function)), Some(second)) => Ok(function(first, second)),
+        match (one, two, &arguments[..]) {
+            (Some((_, function)), _, [x]) => Ok(function(*x)),
+            (_, Some((_, function)), [x, y]) => Ok(function(*x, *y)),
             (Some(_), ..) => fault(format!("`{name}` takes one number"), ""),
             (_, Some(_), _) => fault(format!("`{name}` takes two numbers"), ""),
             _ => {
@@ -380,6 +383,7 @@ pub(super) fn filled(
             Part::Number(expression, digits) => {
                 let x = evaluate(expression, value_of)?;
                 if x.fract() != 0.0 || x.abs() > limits::INDEX {
+                    let x = shown(x);
                     let message = format!("`{{{expression}}}` is {x}; expected a whole number");
                     return fault(message, "`//` divides and rounds down, as does `floor`");
                 }
@@ -443,6 +447,11 @@ mod tests {
             ("sine(2)", "`sine`"),
             ("sin(2, 3)", "one number"),
             ("min(2)", "two numbers"),
+            ("min(1, 2, 3)", "two numbers"),
+            ("sin()", "one number"),
+            ("min()", "two numbers"),
+            ("min(1,)", "`)`"),
+            ("sin(", "the end"),
             (&"(".repeat(1000), "deep"),
             (&"2^".repeat(1000), "deep"),
         ] {
