@@ -37,6 +37,9 @@ pub(super) fn unknown_channels(problem: &Problem) -> Vec<Diagnostic> {
             _ => (
                 format!("`{path}` names the channel `{wanted}`, which is not there"),
                 match nearest(whole, known.iter().copied()) {
+                    _ if wanted.contains(PATTERN) && pattern(wanted).is_none() => {
+                        "its `[` has no `]`: `[ab]` stands for one of these characters".to_owned()
+                    }
                     _ if fits_none(problem, item) => format!("no item has a name like `{item}`"),
                     Some(meant) if errors.len() < ERRORS_WITH_HELP => {
                         let component = format!("{item}.{meant}{}", &quantity[whole.len()..]);
@@ -112,6 +115,7 @@ mod tests {
             ("ar?.position", "arm.position", true),
             ("ar?.position", "ar.position", false),
             ("arm.[position", "arm.[position", false),
+            ("arm.[]position", "arm.]position", false),
         ] {
             let fits = super::pattern(pattern).is_some_and(|pattern| pattern.matches(name));
             assert_eq!(fits, truth, "{pattern} {name}");

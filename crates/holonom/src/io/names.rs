@@ -106,7 +106,7 @@ pub(super) fn suggestion<'a>(
     }
     let known: Vec<_> = candidates.into_iter().take(13).map(|name| format!("`{name}`")).collect();
     match known.len() {
-        0 => format!("the model has no {what}"),
+        0 => format!("known {what}: none"),
         1..=12 => format!("known {what}: {}", known.join(", ")),
         _ => format!("known {what}: {}, …", known[..12].join(", ")),
     }

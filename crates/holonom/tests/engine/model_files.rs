@@ -302,6 +302,8 @@ fn an_output_channel_that_is_not_there_is_refused_at_its_place() {
         ("zz*.position", "no item has a name like `zz*`"),
         ("zz*.position[0]", "no item has a name like `zz*`"),
         ("pivot.x*", "`angle`"),
+        ("[upper.position", "its `[` has no `]`"),
+        ("upper.[ax*", "its `[` has no `]`"),
     ] {
         let errors = with(&format!("\n  \"{unknown}\"")).unwrap_err();
         let [error] = &errors.errors[..] else { panic!("{errors:?}") };

@@ -2,8 +2,8 @@
 
 use super::expander::Expander;
 use super::row::Row;
-use crate::error::Code;
-use crate::io::expression::{evaluate, is_name, is_number};
+use crate::error::{Code, shown};
+use crate::io::expression::{Fault, evaluate, is_name, is_number};
 use crate::io::limits;
 use crate::io::names::objection;
 use crate::io::patterns::expander::table_at;
@@ -69,6 +69,7 @@ impl Expander {
             self.refuse(Code::OutOfRange, &path_over, message, help);
             return None;
         }
+        let all: Vec<String> = over.keys().cloned().collect();
         let mut fine = true;
         for (name, entry) in over {
             let at = join(&path_over, name);
@@ -99,7 +100,7 @@ impl Expander {
                 bounds.push(stated);
             }
             if fine {
-                rows = self.further(&at, &names, rows, &bounds)?;
+                rows = self.further(&at, (&names, &all), rows, &bounds)?;
             }
             names.push(name.clone());
         }
@@ -109,11 +110,11 @@ impl Expander {
         fine.then(|| Indices { path: path.to_owned(), names, rows: rows.concat() })
     }
 
-    /// The rows with one more index.
+    /// The rows with one more index, of which and of `all` indices there are `names` so far.
     fn further(
         &mut self,
         path: &str,
-        names: &[String],
+        (names, all): (&[String], &[String]),
         rows: Vec<Vec<i64>>,
         bounds: &[Bound],
     ) -> Option<Vec<Vec<i64>>> {
@@ -121,7 +122,7 @@ impl Expander {
         for row in rows {
             let mut ends = [0i64; 2];
             for ((end, bound), field) in ends.iter_mut().zip(bounds).zip(["from", "to"]) {
-                *end = self.bound(&join(path, field), bound, names, &row)?;
+                *end = self.bound(&join(path, field), bound, (names, all), &row)?;
             }
             let [from, to] = ends;
             let at = if row.is_empty() { String::new() } else { format!(" ({})", at(names, &row)) };
@@ -152,7 +153,13 @@ impl Expander {
         Some(out)
     }
 
-    fn bound(&mut self, path: &str, bound: &Bound, names: &[String], row: &[i64]) -> Option<i64> {
+    fn bound(
+        &mut self,
+        path: &str,
+        bound: &Bound,
+        (names, all): (&[String], &[String]),
+        row: &[i64],
+    ) -> Option<i64> {
         let value = match bound {
             Bound::Number(x) => Ok(*x),
             Bound::Expression(text) => {
@@ -167,8 +174,16 @@ impl Expander {
             Ok(x) => {
                 let at =
                     if row.is_empty() { String::new() } else { format!(" ({})", at(names, row)) };
+                let x = shown(x);
                 let message = format!("`{path}` is {x}{at}; expected a whole number up to 1e9");
                 self.refuse(Code::OutOfRange, path, message, "");
+                None
+            }
+            Err(Fault::Unknown(name)) if all.contains(&name) => {
+                let message =
+                    format!("`{path}` uses the index `{name}`, which has no value there yet");
+                let help = "a range may use the indices that stand before its own";
+                self.refuse(Code::UnknownName, path, message, help);
                 None
             }
             Err(fault) => {
