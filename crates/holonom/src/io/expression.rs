@@ -1,7 +1,5 @@
 //! Numbers as arithmetic, `"=2*k"`, and names with arithmetic in braces, `link_{i - 1:02}`.
 
-use std::collections::BTreeSet;
-
 use super::limits;
 use super::names::nearest;
 use crate::error::shown;
@@ -312,25 +310,28 @@ pub(super) fn could_be(parts: &[Part<'_>], name: &str) -> bool {
     if name.len() > 4 * limits::NAME_CHARACTERS {
         return false; // no name
     }
-    // Where in the name the parts so far can end.
-    let mut ends = BTreeSet::from([0]);
+    // Where in the name the parts so far can end, in order.
+    let mut ends = vec![0];
     for part in parts {
-        ends = match part {
+        match part {
             Part::Plain(plain) => {
-                let fitting = ends.into_iter().filter(|end| name[*end..].starts_with(plain));
-                fitting.map(|end| end + plain.len()).collect()
+                ends.retain(|end| name[*end..].starts_with(plain));
+                ends.iter_mut().for_each(|end| *end += plain.len());
             }
             Part::Number(..) => {
+                let begins = |at: usize| ends.binary_search(&at).is_ok();
                 let mut inside = false;
                 let digits = name.bytes().enumerate().filter(|(at, byte)| {
-                    let signed =
-                        *at > 0 && name.as_bytes()[at - 1] == b'-' && ends.contains(&(at - 1));
-                    inside = byte.is_ascii_digit() && (inside || signed || ends.contains(at));
+                    let signed = *at > 0 && name.as_bytes()[at - 1] == b'-' && begins(at - 1);
+                    inside = byte.is_ascii_digit() && (inside || signed || begins(*at));
                     inside
                 });
-                digits.map(|(at, _)| at + 1).collect()
+                ends = digits.map(|(at, _)| at + 1).collect();
             }
-        };
+        }
+        if ends.is_empty() {
+            return false;
+        }
     }
     ends.contains(&name.len())
 }
