@@ -197,8 +197,11 @@ impl Document {
             let help = "write `gravity` to say so, or to have it";
             warnings.push(Diagnostic::new(Code::NotStated, "gravity", message).help(help));
         }
-        warnings.extend(found);
-        warnings.extend(crate::model::implausible(&model));
+        let stated = Units::stated(&expanded.root);
+        if !stated.angle {
+            warnings.extend(found); // angles that look like degrees
+        }
+        warnings.extend(crate::model::implausible(&model, stated));
         let mut warnings = self.once(warnings, &expanded);
         if !warnings.is_empty() {
             let places = Places::new(&self.sources);

@@ -4,6 +4,7 @@
 use std::f64::consts::PI;
 
 use super::tree::Node;
+use crate::model::StatedUnits;
 
 /// SI units per unit as a quotient of two numbers, exact wherever the unit is defined by a decimal number.
 type Ratio = (f64, f64);
@@ -66,6 +67,13 @@ impl Units {
             *known.iter().find(|(name, _)| *name == word).unwrap_or(&known[0])
         });
         Self { chosen }
+    }
+
+    /// Which of them a file states.
+    pub(super) fn stated(root: &Node) -> StatedUnits {
+        let [length, angle, mass] = ["length", "angle", "mass"]
+            .map(|field| root.field("units").is_some_and(|units| units.field(field).is_some()));
+        StatedUnits { length, angle, mass }
     }
 
     pub(super) fn are_si(&self) -> bool {

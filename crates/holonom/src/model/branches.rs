@@ -2,7 +2,7 @@
 
 use super::validation::{Rules, SLACK, matrix_rules, semidefinite};
 use super::{Branch, ForceKind, InitialExtraState, Model};
-use crate::error::Code;
+use crate::error::{Code, shown};
 
 /// Branches of one bushing: each has six extra states that the others of the bushing see.
 const MOST_BRANCHES: usize = 32;
@@ -111,13 +111,17 @@ impl Rules {
                 let Some(branch) = branches.iter().find(|branch| branch.name == *of) else {
                     continue;
                 };
+                for (k, extension) in x[..3].iter().enumerate() {
+                    let path = format!("initial.extra_states.{name}.{of}.extension[{k}]");
+                    self.within(&path, *extension);
+                }
                 let held: Vec<usize> = branch.directions().collect();
                 for k in (0..6).filter(|k| x[*k] != 0.0 && !held.contains(k)) {
                     let field = if k < 3 { "extension" } else { "rotation" };
                     let path = format!("initial.extra_states.{name}.{of}.{field}[{}]", k % 3);
                     let message = format!(
                         "`{path}` is {}; expected 0, as the branch has no spring there",
-                        x[k]
+                        shown(x[k])
                     );
                     self.refuse(Code::OutOfRange, &path, message, "");
                 }

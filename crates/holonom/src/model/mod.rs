@@ -15,8 +15,8 @@ use crate::math::{planar, spatial, vector};
 pub use crate::math::{MonotoneCubic, TableError, TimeFunction};
 
 pub use plausibility::{
-    MotionTable, changing_motions, force_frequencies, force_ramps, frequencies, implausible,
-    implausible_angle, motion_tables,
+    MotionTable, StatedUnits, changing_motions, force_frequencies, force_ramps, frequencies,
+    implausible, implausible_angle, motion_tables,
 };
 pub use shapes::{Shape, ShapeKind, Surface};
 pub use validation::{FARTHEST, validate};

@@ -1,9 +1,7 @@
 //! What is legal but looks like another unit: millimetres, degrees, grams.
 
-use super::{
-    Body, Dimension, DriverKind, ForceKind, Frame, InitialBody, JointKind, Model, Orientation,
-};
-use crate::error::{Code, Diagnostic, Warning, shown};
+use super::{Body, Dimension, DriverKind, ForceKind, Frame, JointKind, Model, Orientation};
+use crate::error::{Code, Diagnostic, Warning, rounded, shown};
 use crate::math::TimeFunction;
 use crate::watch::{NAMED, checkpoint};
 
@@ -35,92 +33,48 @@ const LARGE_AND_LIGHT: [f64; 2] = [50.0, 0.1];
 /// m: shorter displacements are not told from a long way of a small body.
 const WAY: f64 = 10.0;
 
-/// Warnings about numbers that are legal but implausible.
-pub fn implausible(model: &Model) -> Vec<Warning> {
+/// Base quantities whose unit a file states: their numbers are meant as they are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct StatedUnits {
+    /// Unit of length.
+    pub length: bool,
+    /// Unit of angles.
+    pub angle: bool,
+    /// Unit of mass.
+    pub mass: bool,
+}
+
+/// Warnings about numbers that are legal but implausible. What looks like another unit is told where the file does not
+/// state that unit.
+pub fn implausible(model: &Model, stated: StatedUnits) -> Vec<Warning> {
     let mut out = Vec::new();
     let mut warn = |path: String, message: String, help: &str| {
         out.push(Diagnostic::new(Code::Implausible, path, message).help(help));
     };
-    let gravity = model.gravity.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if gravity > GRAVITY {
-        let message = format!("`gravity` is {} m/s²", shown(gravity));
-        warn("gravity".into(), message, "on earth it is 9.81 m/s²; are lengths in millimetres?");
+    accelerated(&mut warn, model, stated.length);
+    if !stated.mass {
+        heavy(&mut warn, model);
     }
-    let of_earth = |part: &f64| (ON_EARTH[0] * part..=ON_EARTH[1] * part).contains(&gravity);
-    if PARTS_OF_A_METRE.iter().any(of_earth) {
-        let message = format!("`gravity` is {} m/s²", shown(gravity));
-        let help =
-            "gravity is in the file's unit of length, too: on earth 9.81 m/s², or 9810 mm/s²";
-        warn("gravity".into(), message, help);
+    if !(stated.length || stated.mass) {
+        wide(&mut warn, model);
+        light(&mut warn, model);
     }
-    for body in &model.bodies {
-        checkpoint(NAMED);
-        let item = format!("bodies.{}", body.name);
-        if body.mass > MASS[1] || (body.mass > 0.0 && body.mass < MASS[0]) {
-            let message = format!("the mass of `{}` is {} kg", body.name, shown(body.mass));
-            warn(format!("{item}.mass"), message, "masses are in kilograms");
-        }
-        angle(&mut warn, format!("{item}.angle"), body.orientation);
-        // r² = J/m is the radius of gyration; no body is that much larger than its own points say.
-        let j = largest_inertia(body, model.dimension);
-        if body.mass > 0.0 && (j / body.mass).sqrt() > LENGTH {
-            let radius = (j / body.mass).sqrt();
-            let message = format!("the radius of gyration of `{}` is {radius:.4e} m", body.name);
-            warn(format!("{item}.inertia"), message, "inertia is in kg m²; is it in kg mm²?");
-        }
-    }
-    wide(&mut warn, model);
-    light(&mut warn, model);
-    for (body, initial) in model.bodies.iter().zip(&model.initial.bodies) {
-        if let Some(orientation) = initial.orientation {
-            angle(&mut warn, format!("initial.bodies.{}.angle", body.name), orientation);
-        }
+    if !stated.angle {
+        turned(&mut warn, model);
     }
     distant(&mut warn, model);
-    let mut far = |item: String, frames: &[Frame]| {
-        for frame in frames {
-            let Some(body) = frame.body.and_then(|i| model.bodies.get(i)) else { continue };
-            let length = frame.point.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if length > LENGTH {
-                let message = format!(
-                    "a point of `{item}` lies {length} m from the origin of `{}`",
-                    body.name
-                );
-                warn(item.clone(), message, "lengths are in metres; are they in millimetres?");
-            }
-        }
-    };
-    for joint in &model.joints {
-        checkpoint(NAMED);
-        far(format!("joints.{}", joint.name), &joint.frames);
+    if !stated.length {
+        far(&mut warn, model);
+        long_springs(&mut warn, model);
     }
-    for force in &model.forces {
-        checkpoint(NAMED);
-        let item = format!("forces.{}", force.name);
-        match &force.kind {
-            ForceKind::Tsda { frames, .. }
-            | ForceKind::Rsda { frames, .. }
-            | ForceKind::Maxwell { frames, .. }
-            | ForceKind::Bushing { frames, .. } => far(item, frames),
-            ForceKind::Tyre(tyre) => far(item, &[tyre.frame]),
-            ForceKind::PointForce { frame, .. } => far(item, &[*frame]),
-            ForceKind::Torque { .. } => {}
-        }
-    }
-    for force in &model.forces {
-        if let ForceKind::Rsda { free_angle, .. } = &force.kind {
-            let path = format!("forces.{}.free_angle", force.name);
-            angle(&mut warn, path, Orientation::Angle(*free_angle));
-        }
-    }
-    long_springs(&mut warn, model);
-    prescribed(&mut warn, model);
+    prescribed(&mut warn, model, stated);
     let start = model.simulation.start_time.unwrap_or(0.0);
     for table in motion_tables(model) {
         if let Some(end) = model.simulation.end_time
             && !table.covers(start, end)
         {
-            let MotionTable { path, first, last, .. } = table;
+            let path = table.path;
+            let [first, last, start, end] = [table.first, table.last, start, end].map(shown);
             let message = format!(
                 "the table of `{path}` reaches from {first} s to {last} s; the run from {start} s to {end} s"
             );
@@ -267,7 +221,87 @@ fn for_motions<'a>(model: &'a Model, mut add: impl FnMut(String, &'a TimeFunctio
     }
 }
 
-/// Bodies whose inertia belongs to something far larger than their points say.
+/// Gravity that is not that of any place, or that of the earth in another unit than the file's, whatever that is.
+fn accelerated(warn: &mut impl FnMut(String, String, &str), model: &Model, is_stated: bool) {
+    let gravity = model.gravity.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if gravity > GRAVITY && !is_stated {
+        let message = format!("`gravity` is {} m/s²", shown(gravity));
+        warn("gravity".into(), message, "on earth it is 9.81 m/s²; are lengths in millimetres?");
+    }
+    let of_earth = |part: &f64| (ON_EARTH[0] * part..=ON_EARTH[1] * part).contains(&gravity);
+    if PARTS_OF_A_METRE.iter().any(of_earth) {
+        let message = format!("`gravity` is {} m/s²", shown(gravity));
+        let help =
+            "gravity is in the file's unit of length, too: on earth 9.81 m/s², or 9810 mm/s²";
+        warn("gravity".into(), message, help);
+    }
+}
+
+/// Masses of single bodies.
+fn heavy(warn: &mut impl FnMut(String, String, &str), model: &Model) {
+    for body in &model.bodies {
+        checkpoint(NAMED);
+        if body.mass > MASS[1] || (body.mass > 0.0 && body.mass < MASS[0]) {
+            let message = format!("the mass of `{}` is {} kg", body.name, shown(body.mass));
+            warn(format!("bodies.{}.mass", body.name), message, "masses are in kilograms");
+        }
+    }
+}
+
+/// Angles of bodies and of springs.
+fn turned(warn: &mut impl FnMut(String, String, &str), model: &Model) {
+    for body in &model.bodies {
+        checkpoint(NAMED);
+        angle(warn, format!("bodies.{}.angle", body.name), body.orientation);
+    }
+    for (body, initial) in model.bodies.iter().zip(&model.initial.bodies) {
+        if let Some(orientation) = initial.orientation {
+            angle(warn, format!("initial.bodies.{}.angle", body.name), orientation);
+        }
+    }
+    for force in &model.forces {
+        if let ForceKind::Rsda { free_angle, .. } = &force.kind {
+            let path = format!("forces.{}.free_angle", force.name);
+            angle(warn, path, Orientation::Angle(*free_angle));
+        }
+    }
+}
+
+/// Points of items far from the origins of their bodies.
+fn far(warn: &mut impl FnMut(String, String, &str), model: &Model) {
+    let mut look = |item: String, frames: &[Frame]| {
+        checkpoint(NAMED);
+        for frame in frames {
+            let Some(body) = frame.body.and_then(|i| model.bodies.get(i)) else { continue };
+            let length = frame.point.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if length > LENGTH {
+                let message = format!(
+                    "a point of `{item}` lies {} m from the origin of `{}`",
+                    rounded(length),
+                    body.name
+                );
+                warn(item.clone(), message, "lengths are in metres; are they in millimetres?");
+            }
+        }
+    };
+    for joint in &model.joints {
+        look(format!("joints.{}", joint.name), &joint.frames);
+    }
+    for force in &model.forces {
+        let item = format!("forces.{}", force.name);
+        match &force.kind {
+            ForceKind::Tsda { frames, .. }
+            | ForceKind::Rsda { frames, .. }
+            | ForceKind::Maxwell { frames, .. }
+            | ForceKind::Bushing { frames, .. } => look(item, frames),
+            ForceKind::Tyre(tyre) => look(item, &[tyre.frame]),
+            ForceKind::PointForce { frame, .. } => look(item, &[*frame]),
+            ForceKind::Torque { .. } => {}
+        }
+    }
+}
+
+/// Bodies whose inertia belongs to something far larger than their points, or than any body.
 fn wide(warn: &mut impl FnMut(String, String, &str), model: &Model) {
     let mut reach = vec![0.0f64; model.bodies.len()];
     for frame in model.joints.iter().flat_map(|joint| &joint.frames) {
@@ -279,6 +313,12 @@ fn wide(warn: &mut impl FnMut(String, String, &str), model: &Model) {
     for (body, reach) in model.bodies.iter().zip(reach) {
         checkpoint(NAMED);
         let radius = (largest_inertia(body, model.dimension) / body.mass).sqrt();
+        // r² = J/m is the radius of gyration; no body is that large.
+        if body.mass > 0.0 && radius > LENGTH {
+            let message = format!("the radius of gyration of `{}` is {radius:.4e} m", body.name);
+            let path = format!("bodies.{}.inertia", body.name);
+            warn(path, message, "inertia is in kg m²; is it in kg mm²?");
+        }
         let is_wide = radius > WIDE_RADIUS.max(WIDE * reach) && radius <= LENGTH;
         if body.mass > 0.0 && reach > AT_CENTER * radius && is_wide {
             let message = format!(
@@ -317,18 +357,13 @@ fn largest_inertia(body: &Body, dimension: Dimension) -> f64 {
 /// Positions far from the origin are coarse: of two nearby points the difference keeps few digits.
 fn distant(warn: &mut impl FnMut(String, String, &str), model: &Model) {
     let size = model.characteristic_length();
-    let none = InitialBody::default();
-    let farthest = model
-        .bodies
-        .iter()
-        .enumerate()
-        .map(|(b, body)| {
-            let stated = model.initial.bodies.get(b).unwrap_or(&none).position;
-            let distance = |p: [f64; 3]| p.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-            (distance(body.position).max(stated.map_or(0.0, distance)), &body.name)
-        })
-        .max_by(|a, b| a.0.total_cmp(&b.0));
-    let Some((distance, name)) = farthest else { return };
+    let designed = model.bodies.iter().map(|body| ("bodies", &body.name, &body.position));
+    let started = model.bodies.iter().zip(&model.initial.bodies).filter_map(|(body, stated)| {
+        Some(("initial.bodies", &body.name, stated.position.as_ref()?))
+    });
+    // Of equal ones the last is taken: where bodies start as designed, that is the design.
+    let all = started.chain(designed).map(|(of, name, point)| (farthest(0.0, point), of, name));
+    let Some((distance, of, name)) = all.max_by(|a, b| a.0.total_cmp(&b.0)) else { return };
     if distance <= DISTANCE * size {
         return;
     }
@@ -338,7 +373,7 @@ fn distant(warn: &mut impl FnMut(String, String, &str), model: &Model) {
         distance / size,
         distance * f64::EPSILON
     );
-    warn(format!("bodies.{name}.position"), message, "put the origin of the ground near the model");
+    warn(format!("{of}.{name}.position"), message, "put the origin of the ground near the model");
 }
 
 /// Lengths of springs and rods far beyond the distance of their points and the size of the model.
@@ -383,14 +418,18 @@ fn farthest(m: f64, p: &[f64; 3]) -> f64 {
 
 /// Values that joints start with and that drivers prescribe. Tables, rates and how far a driver slides say nothing:
 /// wheels turn far, and vehicles drive far.
-fn prescribed(warn: &mut impl FnMut(String, String, &str), model: &Model) {
+fn prescribed(
+    warn: &mut impl FnMut(String, String, &str),
+    model: &Model,
+    StatedUnits { length, angle: in_angle, .. }: StatedUnits,
+) {
     let points = model.joints.iter().flat_map(|j| &j.frames);
     let points = points.chain(model.drivers.iter().flat_map(|d| &d.frames));
     let points = points.map(|frame| &frame.point).chain(model.bodies.iter().map(|b| &b.position));
     let size = points.fold(size(model), farthest);
     let mut look = |path: String, kind: DriverKind, value: f64| match kind {
-        DriverKind::Rotation => angle(warn, path, Orientation::Angle(value)),
-        DriverKind::Translation if value.abs() > WAY.max(LONG * size) => {
+        DriverKind::Rotation if !in_angle => angle(warn, path, Orientation::Angle(value)),
+        DriverKind::Translation if !length && value.abs() > WAY.max(LONG * size) => {
             let message = format!(
                 "`{path}` is {} m; the points of the model lie within {} m",
                 shown(value),
@@ -398,7 +437,7 @@ fn prescribed(warn: &mut impl FnMut(String, String, &str), model: &Model) {
             );
             warn(path, message, "lengths are in metres; is it in millimetres?");
         }
-        DriverKind::Translation => {}
+        _ => {}
     };
     for stated in model.initial.joints.iter().filter(|stated| !stated.is_rate) {
         let joint = &model.joints[stated.joint].name;
@@ -441,7 +480,9 @@ fn angle(warn: &mut impl FnMut(String, String, &str), path: String, orientation:
 pub fn implausible_angle(path: &str, angle: f64) -> Option<(String, String)> {
     let turns = angle.abs() / std::f64::consts::TAU;
     (turns > TURNS || (turns > 1.0 && angle % 5.0 == 0.0)).then(|| {
-        let message = format!("`{path}` is {angle} rad, {turns:.1} turns");
-        (message, format!("angles are in radians: {angle} degrees are {} rad", angle.to_radians()))
+        let (number, radians) = (shown(angle), shown(angle.to_radians()));
+        let turns = if turns < 1e7 { format!("{turns:.1}") } else { rounded(turns) };
+        let message = format!("`{path}` is {number} rad, {turns} turns");
+        (message, format!("angles are in radians: {number} degrees are {radians} rad"))
     })
 }

@@ -1,15 +1,15 @@
 //! Rules that numbers of a model keep, whoever built it. Paths are those of a model file.
 
 use super::{
-    Body, Dimension, Driver, ElasticLaw, Force, ForceKind, Frame, Joint, JointKind, Model,
-    Orientation, Shape, ShapeKind, SimulationDefaults,
+    Body, Dimension, Driver, DriverKind, ElasticLaw, Force, ForceKind, Frame, InitialExtraState,
+    Joint, JointKind, Model, Orientation, Shape, ShapeKind, SimulationDefaults,
 };
 use crate::error::{Code, Diagnostic, shown};
 use crate::math::TimeFunction;
 use crate::watch::{NAMED, checkpoint};
 
-/// Farthest that a point may lie, m: beyond, double precision no longer resolves a tenth of a
-/// micrometre.
+/// Farthest that a point may lie, and largest length, m: beyond, double precision no longer resolves
+/// a tenth of a micrometre.
 pub const FARTHEST: f64 = 1e9;
 /// All violations of the rules, in the order of the model.
 pub fn validate(model: &Model) -> Vec<Diagnostic> {
@@ -36,6 +36,7 @@ pub fn validate(model: &Model) -> Vec<Diagnostic> {
     if let Some(interval) = model.outputs.interval {
         rules.positive("outputs.interval", interval, "s");
     }
+    rules.initial(model);
     rules.extra_states(model);
     rules.simulation(&model.simulation);
     rules.errors
@@ -79,6 +80,12 @@ impl Rules {
         {
             let path = format!("{item}.{field}");
             self.near(&path, &format!("`{path}`"), point);
+        }
+        if !is_far(body) {
+            for (marker, point) in &body.markers {
+                let path = format!("{item}.markers.{marker}");
+                self.near(&path, &format!("`{path}`"), point);
+            }
         }
         let path = format!("{item}.inertia");
         match dimension {
@@ -130,9 +137,20 @@ impl Rules {
         }
     }
 
+    /// A positive length.
     fn length(&mut self, path: &str, value: f64) {
         self.positive(path, value, "m");
-        if value > FARTHEST {
+        self.within(path, value);
+    }
+
+    fn free_length(&mut self, item: &str, value: f64) {
+        let path = format!("{item}.free_length");
+        self.not_negative(&path, value, "m");
+        self.within(&path, value);
+    }
+
+    pub(super) fn within(&mut self, path: &str, value: f64) {
+        if value.abs() > FARTHEST {
             let message = format!("`{path}` is {} m; expected at most 1e9 m", shown(value));
             self.refuse(Code::OutOfRange, path, message, "lengths are in metres");
         }
@@ -162,10 +180,7 @@ impl Rules {
             let message = format!("`{path}` is a body that is not there");
             self.refuse(Code::UnknownName, path, message, "");
         }
-        // A body that is too far has too far points: reported once, at the body.
-        let far = |x: &f64| x.abs() > FARTHEST;
-        let body = frame.body.and_then(|i| model.bodies.get(i));
-        if !body.is_some_and(|body| body.position.iter().any(far)) {
+        if !frame.body.and_then(|i| model.bodies.get(i)).is_some_and(is_far) {
             let item = path.rsplit_once('.').map_or(path, |(item, _)| item);
             self.near(item, &format!("a point of `{item}`"), &frame.point);
         }
@@ -175,9 +190,7 @@ impl Rules {
         let item = format!("joints.{}", joint.name);
         self.frames(&item, &joint.frames, model);
         match joint.kind {
-            JointKind::Distance { length } => {
-                self.positive(&format!("{item}.length"), length, "m");
-            }
+            JointKind::Distance { length } => self.length(&format!("{item}.length"), length),
             JointKind::Cylindrical | JointKind::Universal | JointKind::Spherical
                 if model.dimension == Dimension::Planar =>
             {
@@ -233,7 +246,7 @@ impl Rules {
                 self.frames(item, frames, model);
                 self.law(item, law, "N/m");
                 self.not_negative(&at("damping"), *damping, "N s/m");
-                self.not_negative(&at("free_length"), *free_length, "m");
+                self.free_length(item, *free_length);
             }
             ForceKind::Rsda { frames, law, damping, .. } => {
                 self.frames(item, frames, model);
@@ -244,7 +257,7 @@ impl Rules {
                 self.frames(item, frames, model);
                 self.positive(&at("stiffness"), *stiffness, "N/m");
                 self.positive(&at("damping"), *damping, "N s/m");
-                self.not_negative(&at("free_length"), *free_length, "m");
+                self.free_length(item, *free_length);
             }
             ForceKind::Bushing { frames, stiffness, damping, branches } => {
                 self.frames(item, frames, model);
@@ -252,10 +265,10 @@ impl Rules {
             }
             ForceKind::Tyre(tyre) => {
                 self.frame(&at("on"), &tyre.frame, model);
-                self.positive(&at("radius"), tyre.radius, "m");
+                self.length(&at("radius"), tyre.radius);
                 self.not_negative(&at("stiffness"), tyre.stiffness, "N/m");
                 self.not_negative(&at("damping"), tyre.damping, "N s/m");
-                self.positive(&at("smoothing"), tyre.smoothing, "m");
+                self.length(&at("smoothing"), tyre.smoothing);
                 if let Some(lateral) = &tyre.lateral {
                     let path = at("lateral.cornering_stiffness");
                     self.not_negative(&path, lateral.cornering_stiffness, "N/rad");
@@ -277,12 +290,34 @@ impl Rules {
         }
     }
 
+    /// Where bodies and joints are stated to start.
+    fn initial(&mut self, model: &Model) {
+        for (body, stated) in model.bodies.iter().zip(&model.initial.bodies) {
+            if let Some(position) = &stated.position {
+                let path = format!("initial.bodies.{}.position", body.name);
+                self.near(&path, &format!("`{path}`"), position);
+            }
+        }
+        for stated in &model.initial.joints {
+            if stated.kind == DriverKind::Translation && !stated.is_rate {
+                let joint = &model.joints[stated.joint].name;
+                self.within(&format!("initial.joints.{joint}.{}", stated.field), stated.value);
+            }
+        }
+        for (name, stated) in &model.initial.extra_states {
+            if let InitialExtraState::Spring(extension) = stated {
+                self.within(&format!("initial.extra_states.{name}"), *extension);
+            }
+        }
+    }
+
     fn simulation(&mut self, s: &SimulationDefaults) {
         let start = s.start_time.unwrap_or(0.0);
         if let Some(end) = s.end_time
             && !(end.is_finite() && end >= start)
         {
             let path = "simulation.end_time";
+            let [end, start] = [end, start].map(shown);
             let message =
                 format!("`{path}` is {end} s; expected a time not before the start, {start} s");
             self.refuse(Code::OutOfRange, path, message, "");
@@ -311,10 +346,15 @@ impl Rules {
             && !(factor.is_finite() && factor > 1.0)
         {
             let path = "simulation.repartition_factor";
-            let message = format!("`{path}` is {factor}; expected a number above 1");
+            let message = format!("`{path}` is {}; expected a number above 1", shown(factor));
             self.refuse(Code::OutOfRange, path, message, "");
         }
     }
+}
+
+/// Whether a body is too far away: so are its points, which is reported once, at the body.
+fn is_far(body: &Body) -> bool {
+    body.position.iter().any(|x| x.abs() > FARTHEST)
 }
 
 fn quantity(value: f64, unit: &str) -> String {
@@ -374,8 +414,8 @@ pub(super) fn matrix_rules(k: &[[f64; 6]; 6]) -> Rule {
     // Rows of lengths and of angles differ in size: scaled by the diagonal, all have size one.
     for i in 0..6 {
         if k[i][i] < 0.0 {
-            let message =
-                format!("has the negative entry {} on its diagonal at [{i}][{i}]", k[i][i]);
+            let entry = shown(k[i][i]);
+            let message = format!("has the negative entry {entry} on its diagonal at [{i}][{i}]");
             return Err((message, "give a positive semidefinite matrix"));
         }
     }

@@ -5,8 +5,10 @@ use crate::math::vector::{dot, sum};
 use crate::model::{Dimension, DriverKind, ElasticLaw, ForceKind, Frame, Model};
 use crate::system::{Sample, State, System};
 
-/// Points nearer than this part of a free length, or of the size of a model, are one.
+/// Points nearer than this part of the size of a model are one.
 const COINCIDENT: f64 = 1e-8;
+/// Points nearer than this part of their distance from the origin are apart by round-off alone.
+const ROUND_OFF: f64 = 16.0 * f64::EPSILON;
 /// What to try where the axes of a twist are opposite.
 pub(crate) const ASIDE: &str = "a twist has a value only while its axes are less than half a turn apart: hold them together by a \
     revolute, cylindrical or universal joint, or keep the bodies from swinging so far";
@@ -20,23 +22,29 @@ pub(crate) fn coincident_ends<'a>(
     near: f64,
 ) -> Option<(&'a str, Option<f64>)> {
     let sample = Sample::new(state);
+    let norm = |a: &[f64; 3]| dot(a, a).sqrt();
     model.forces.iter().find_map(|force| {
-        let (elastic, free_length) = match &force.kind {
-            ForceKind::Tsda { law, free_length, .. } => {
+        let (elastic, frames) = match &force.kind {
+            ForceKind::Tsda { law, free_length, frames, .. } => {
                 let elastic = match law {
                     ElasticLaw::Linear(stiffness) => -stiffness * free_length,
                     ElasticLaw::Table(table) => table.value_and_slope(-free_length).0,
                 };
-                (Some(elastic), *free_length)
+                (Some(elastic), frames)
             }
-            ForceKind::Maxwell { free_length, .. } => (None, *free_length),
+            ForceKind::Maxwell { frames, .. } => (None, frames),
             _ => return None,
         };
         let name = format!("{}.length", force.name);
         let channel = system.channel_named(&name).filter(|_| elastic != Some(0.0))?;
         let mut length = [0.0];
         system.channel(&channel, &sample, &mut length);
-        let least = COINCIDENT * free_length.max(system.characteristic_length());
+        let far = frames.iter().map(|frame| {
+            let origin = frame.body.map(|b| system.body(b, &state.q, &state.v).position);
+            norm(&origin.unwrap_or_default()) + norm(&frame.point)
+        });
+        let round_off = ROUND_OFF * far.fold(0.0, f64::max);
+        let least = round_off.max(COINCIDENT * system.characteristic_length());
         (length[0] <= least.max(near)).then_some((force.name.as_str(), elastic))
     })
 }
