@@ -5,10 +5,18 @@ use super::places::{plain_frame, plain_frames};
 use super::{Choice, Context};
 use crate::error::{Code, shown};
 use crate::io::names::suggest;
-use crate::io::schema::{self, Components};
-use crate::model::TimeFunction;
+use crate::io::schema::{self, Components, Motion, TorqueComponents};
 use crate::model::{Branch, Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre};
+use crate::model::{FARTHEST, TimeFunction};
 use crate::watch::{NAMED, checkpoint};
+
+/// Units along and about the axes of a bushing.
+const STIFFNESS: [&str; 2] = ["N/m", "N m/rad"];
+const DAMPING: [&str; 2] = ["N s/m", "N m s/rad"];
+const NOTHING: TimeFunction = TimeFunction::Constant(0.0);
+
+/// What a bushing states along its axes, about them, and as a whole.
+type StatedMatrix = (Option<[f64; 3]>, Option<[f64; 3]>, Option<[[f64; 6]; 6]>);
 
 impl<'a> Context<'a> {
     pub(super) fn forces(&mut self) -> Vec<Force> {
@@ -46,9 +54,10 @@ impl<'a> Context<'a> {
     }
 
     /// An element of which nothing is said is a mistake; one that is zero may be varied.
-    fn acts(&mut self, item: &str, stated: bool) {
-        if !stated {
-            let message = format!("`{item}` has neither `stiffness`, nor a law, nor `damping`");
+    fn acts(&mut self, item: &str, stated: &[(&str, bool)]) {
+        if stated.iter().all(|(_, stated)| !stated) {
+            let fields: Vec<_> = stated.iter().map(|(field, _)| format!("`{field}`")).collect();
+            let message = format!("`{item}` has none of {}", fields.join(", "));
             let help = "give at least one of them, or switch the item off with `enabled = false`";
             self.refuse(Code::MissingField, format!("{item}.stiffness"), message, help);
         }
@@ -58,9 +67,10 @@ impl<'a> Context<'a> {
         let bodies = self.between(item, &f.between)?;
         let points = self.two_points(item, bodies, f.points.as_ref(), f.points_in_body.as_ref());
         let law = self.law(item, f.stiffness, ("force", f.force.as_ref()));
-        let elastic = f.stiffness.is_some() || f.force.is_some();
-        self.acts(item, elastic || f.damping.is_some());
-        if elastic && f.free_length.is_none() {
+        let [stiffness, force] = [f.stiffness.is_some(), f.force.is_some()];
+        let damping = ("damping", f.damping.is_some());
+        self.acts(item, &[("stiffness", stiffness), ("force", force), damping]);
+        if (stiffness || force) && f.free_length.is_none() {
             let message = format!("`{item}` has no `free_length`; expected a number (m)");
             let help = "the length at which the elastic force is zero";
             self.refuse(Code::MissingField, format!("{item}.free_length"), message, help);
@@ -76,7 +86,9 @@ impl<'a> Context<'a> {
     fn rsda(&mut self, item: &str, f: &'a schema::Rsda) -> Option<ForceKind> {
         let bodies = self.between(item, &f.between)?;
         let law = self.law(item, f.stiffness, ("torque", f.torque.as_ref()));
-        self.acts(item, f.stiffness.is_some() || f.torque.is_some() || f.damping.is_some());
+        let [stiffness, torque] = [f.stiffness.is_some(), f.torque.is_some()];
+        let damping = ("damping", f.damping.is_some());
+        self.acts(item, &[("stiffness", stiffness), ("torque", torque), damping]);
         let points = [[0.0; 3]; 2];
         let frames = if self.planar() {
             plain_frames(bodies, points)
@@ -96,38 +108,28 @@ impl<'a> Context<'a> {
         let bodies = self.between(item, &f.between)?;
         let points = self.shared_point(item, bodies, f.point.as_ref(), f.points_in_body.as_ref());
         let axes = self.two_axes(item, f.axes);
-        let stiffness = self.matrix(
-            item,
-            ("stiffness", f.stiffness),
-            ("rotational_stiffness", f.rotational_stiffness),
-            ("stiffness_matrix", f.stiffness_matrix),
-        );
-        let damping = self.matrix(
-            item,
-            ("damping", f.damping),
-            ("rotational_damping", f.rotational_damping),
-            ("damping_matrix", f.damping_matrix),
-        );
-        let diagonals = [f.stiffness, f.rotational_stiffness, f.damping, f.rotational_damping];
-        let matrices = [f.stiffness_matrix, f.damping_matrix];
-        let stated = diagonals.iter().any(Option::is_some) || matrices.iter().any(Option::is_some);
-        self.acts(item, stated || !f.branches.is_empty());
-        let branches = f.branches.iter().map(|(name, branch)| {
+        let stiffness = (f.stiffness, f.rotational_stiffness, f.stiffness_matrix);
+        let damping = (f.damping, f.rotational_damping, f.damping_matrix);
+        let stated = [
+            ("stiffness", stiffness.0.is_some()),
+            ("rotational_stiffness", stiffness.1.is_some()),
+            ("stiffness_matrix", stiffness.2.is_some()),
+            ("damping", damping.0.is_some()),
+            ("rotational_damping", damping.1.is_some()),
+            ("damping_matrix", damping.2.is_some()),
+            ("branches", !f.branches.is_empty()),
+        ];
+        self.acts(item, &stated);
+        let stiffness = self.matrix(item, "stiffness", STIFFNESS, stiffness);
+        let damping = self.matrix(item, "damping", DAMPING, damping);
+        let branches = f.branches.iter().map(|(name, b)| {
             let item = &format!("{item}.branches.{name}");
+            let stiffness = (b.stiffness, b.rotational_stiffness, b.stiffness_matrix);
+            let damping = (b.damping, b.rotational_damping, b.damping_matrix);
             Branch {
                 name: name.clone(),
-                stiffness: self.matrix(
-                    item,
-                    ("stiffness", branch.stiffness),
-                    ("rotational_stiffness", branch.rotational_stiffness),
-                    ("stiffness_matrix", branch.stiffness_matrix),
-                ),
-                damping: self.matrix(
-                    item,
-                    ("damping", branch.damping),
-                    ("rotational_damping", branch.rotational_damping),
-                    ("damping_matrix", branch.damping_matrix),
-                ),
+                stiffness: self.matrix(item, "stiffness", STIFFNESS, stiffness),
+                damping: self.matrix(item, "damping", DAMPING, damping),
             }
         });
         let branches = branches.collect();
@@ -140,35 +142,38 @@ impl<'a> Context<'a> {
         })
     }
 
-    /// A 6×6 matrix from its diagonal or as stated.
+    /// A 6×6 matrix from its diagonal, whose halves have units of their own, or as stated.
     fn matrix(
         &mut self,
         item: &str,
-        (along_name, along): (&str, Option<[f64; 3]>),
-        (about_name, about): (&str, Option<[f64; 3]>),
-        (matrix_name, matrix): (&str, Option<[[f64; 6]; 6]>),
+        name: &str,
+        units: [&str; 2],
+        (along, about, matrix): StatedMatrix,
     ) -> [[f64; 6]; 6] {
+        let halves = [(name.to_owned(), along), (format!("rotational_{name}"), about)];
         if let Some(matrix) = matrix {
-            for (name, stated) in [(along_name, along), (about_name, about)] {
+            for (half, stated) in halves {
                 if stated.is_some() {
-                    let path = format!("{item}.{name}");
-                    let message = format!("`{item}` has both `{matrix_name}` and `{name}`");
+                    let path = format!("{item}.{half}");
+                    let message = format!("`{item}` has both `{name}_matrix` and `{half}`");
                     self.refuse(Code::ConflictingFields, path, message, "leave one of them out");
                 }
             }
             return matrix;
         }
         let mut out = [[0.0; 6]; 6];
-        for (offset, name, stated) in [(0, along_name, along), (3, about_name, about)] {
+        for (k, (half, stated)) in halves.into_iter().enumerate() {
+            let unit = units[k];
             for (i, value) in stated.unwrap_or_default().into_iter().enumerate() {
                 if value < 0.0 {
-                    let path = format!("{item}.{name}[{i}]");
+                    let path = format!("{item}.{half}[{i}]");
+                    let value = shown(value);
                     let message =
-                        format!("`{path}` is {}; expected a number not below zero", shown(value));
+                        format!("`{path}` is {value} {unit}; expected a number not below zero");
                     let help = "a negative one would feed energy into the motion";
                     self.refuse(Code::OutOfRange, path, message, help);
                 }
-                out[offset + i][offset + i] = value.abs(); // a refused value is reported once
+                out[3 * k + i][3 * k + i] = value.abs(); // a refused value is reported once
             }
         }
         out
@@ -222,7 +227,12 @@ impl<'a> Context<'a> {
     fn point_force(&mut self, item: &str, f: &'a schema::PointForce) -> Option<ForceKind> {
         let body = self.moving_body(&format!("{item}.on"), f.on.as_ref())?;
         let point = self.one_point(item, body, f.point.as_ref(), f.point_in_body.as_ref());
-        let force = self.components(&format!("{item}.force"), &f.force, ("direction", f.direction));
+        let path = format!("{item}.force");
+        let force = match &f.force {
+            Components::Along(motion) => self.along(&path, motion, ("direction", f.direction)),
+            Components::Planar(list) => self.each(&path, list, ("direction", f.direction)),
+            Components::Spatial(list) => self.each(&path, list, ("direction", f.direction)),
+        };
         Some(ForceKind::PointForce {
             frame: plain_frame(Some(body), point?),
             force: force?,
@@ -238,75 +248,83 @@ impl<'a> Context<'a> {
             };
         let path = format!("{item}.torque");
         let torque = match (&f.torque, self.planar()) {
-            (Components::Along(motion), true) => {
-                let zero = TimeFunction::Constant(0.0);
-                [zero.clone(), zero, self.motion(&path, motion, 1.0)?]
+            (TorqueComponents::About(motion), true) => {
+                [NOTHING, NOTHING, self.motion(&path, motion, 1.0)?]
             }
-            (Components::Planar(_), _) => {
-                let message =
-                    format!("`{path}` has 2 entries; expected a number or a function of time");
-                let help = "this model is planar: a torque is about z";
-                self.refuse(Code::WrongDimension, path, message, help);
-                return None;
+            (TorqueComponents::About(motion), false) => {
+                self.along(&path, motion, ("axis", f.axis))?
             }
-            (components, _) => self.components(&path, components, ("axis", f.axis))?,
+            (TorqueComponents::Spatial(list), _) => self.each(&path, list, ("axis", f.axis))?,
         };
         Some(ForceKind::Torque { body, reaction, torque, axes: axes(f.axes) })
     }
 
-    /// Components over time, or one function along a direction.
-    fn components(
+    /// Components of one function along a direction.
+    fn along(
         &mut self,
         path: &str,
-        components: &Components,
+        motion: &Motion,
         (field, direction): (&str, Option<schema::Vector>),
     ) -> Option<[TimeFunction; 3]> {
         let item = path.rsplit_once('.').map_or(path, |(item, _)| item);
-        match (components, direction) {
-            (Components::Along(motion), Some(direction)) => {
-                let along: Vec3 = self.direction(&format!("{item}.{field}"), direction)?;
-                let [x, y, z] = along.map(|c| self.motion(path, motion, c));
-                Some([x?, y?, z?])
-            }
-            (Components::Along(_), None) => {
-                let message =
-                    format!("`{item}` has no `{field}` for the one number or function of `{path}`");
-                let help = format!("give `{field}`, or write `{path}` as a list of components");
-                self.refuse(Code::MissingField, format!("{item}.{field}"), message, &help);
-                None
-            }
-            (_, Some(_)) => {
-                let message = format!("`{item}` has components in `{path}`, yet has `{field}`");
-                let at = format!("{item}.{field}");
-                self.refuse(Code::ConflictingFields, at, message, "leave one of them out");
-                None
-            }
-            (Components::Planar([x, y]), None) => {
-                let x = self.motion(&format!("{path}[0]"), x, 1.0);
-                let y = self.motion(&format!("{path}[1]"), y, 1.0);
-                Some([x?, y?, TimeFunction::Constant(0.0)])
-            }
-            (Components::Spatial(list), None) => {
-                let mut entry = |i: usize| self.motion(&format!("{path}[{i}]"), &list[i], 1.0);
-                let [x, y, z] = [entry(0), entry(1), entry(2)];
-                Some([x?, y?, z?])
-            }
+        let Some(direction) = direction else {
+            let message =
+                format!("`{item}` has no `{field}` for the one number or function of `{path}`");
+            let help = format!("give `{field}`, or write `{path}` as a list of components");
+            self.refuse(Code::MissingField, format!("{item}.{field}"), message, &help);
+            return None;
+        };
+        let [x, y, z]: Vec3 = self.direction(&format!("{item}.{field}"), direction)?;
+        // What is wrong with the function is said once, of the first.
+        let x = self.motion(path, motion, x)?;
+        Some([x, self.motion(path, motion, y)?, self.motion(path, motion, z)?])
+    }
+
+    /// Components over time, one by one; what a planar list does not have is zero.
+    fn each(
+        &mut self,
+        path: &str,
+        list: &[Motion],
+        (field, direction): (&str, Option<schema::Vector>),
+    ) -> Option<[TimeFunction; 3]> {
+        if direction.is_some() {
+            let item = path.rsplit_once('.').map_or(path, |(item, _)| item);
+            let message = format!("`{item}` has components in `{path}`, yet has `{field}`");
+            let at = format!("{item}.{field}");
+            self.refuse(Code::ConflictingFields, at, message, "leave one of them out");
+            return None;
         }
+        let [x, y, z] = [0, 1, 2].map(|k| match list.get(k) {
+            Some(motion) => self.motion(&format!("{path}[{k}]"), motion, 1.0),
+            None => Some(NOTHING),
+        });
+        Some([x?, y?, z?])
     }
 
     /// Roads are checked whether they are used or not.
     fn roads(&mut self) {
         let file = self.file;
         for (name, road) in &file.roads {
-            let (field, value) = match road {
-                schema::Road::Flat(_) => continue,
-                schema::Road::SmoothBump(r) => ("half_length", r.half_length),
-                schema::Road::HalfCylinder(r) => ("radius", r.radius),
+            let lengths = match road {
+                schema::Road::Flat(r) => vec![("height", r.height, false)],
+                schema::Road::SmoothBump(r) => vec![
+                    ("height", r.height, false),
+                    ("half_length", r.half_length, true),
+                    ("center", r.center, false),
+                ],
+                schema::Road::HalfCylinder(r) => {
+                    vec![("radius", r.radius, true), ("center", r.center, false)]
+                }
             };
-            if value <= 0.0 {
+            for (field, value, is_positive) in lengths {
+                let (expected, help) = match value {
+                    x if is_positive && x <= 0.0 => ("a positive number", ""),
+                    x if x.abs() > FARTHEST => ("at most 1e9 m", "lengths are in metres"),
+                    _ => continue,
+                };
                 let path = format!("roads.{name}.{field}");
-                let message = format!("`{path}` is {} m; expected a positive number", shown(value));
-                self.refuse(Code::OutOfRange, path, message, "");
+                let message = format!("`{path}` is {} m; expected {expected}", shown(value));
+                self.refuse(Code::OutOfRange, path, message, help);
             }
         }
     }

@@ -288,7 +288,7 @@ item! {
         /// Planar: a number or a function of time, about z. Spatial: components, each a number or a
         /// function of time; or one of them about `axis`.
         #[schemars(extend("x-unit" = "N m"))]
-        pub(crate) torque: Components,
+        pub(crate) torque: TorqueComponents,
         /// Axis of a torque given by one number or function, in `axes`; any length but zero.
         #[schemars(extend("x-dimension" = "spatial"))]
         pub(crate) axis: Option<Vector>,
@@ -299,7 +299,7 @@ item! {
 }
 
 /// Components over time, or one function along a direction: a [motion](#values) along the direction
-/// stated beside it, or a list of motions, one per axis (a planar torque: one motion, about z).
+/// stated beside it, or a list of motions, one per axis.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(untagged)]
 #[schemars(title = "components")]
@@ -307,6 +307,17 @@ pub(crate) enum Components {
     Along(Motion),
     #[schemars(extend("x-dimension" = "planar"))]
     Planar([Motion; 2]),
+    #[schemars(extend("x-dimension" = "spatial"))]
+    Spatial([Motion; 3]),
+}
+
+/// A [motion](#values), in planar models about z, in spatial ones about the axis stated beside it; or a list of
+/// motions, one per axis.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(title = "torque components")]
+pub(crate) enum TorqueComponents {
+    About(Motion),
     #[schemars(extend("x-dimension" = "spatial"))]
     Spatial([Motion; 3]),
 }
