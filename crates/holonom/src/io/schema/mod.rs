@@ -214,6 +214,50 @@ impl Transform for WithParameters {
     }
 }
 
+/// Parts of items, as files that extend another one and exceptions of patterns hold them: nothing is required.
+#[derive(Clone)]
+struct Partial;
+
+/// How the definitions of parts begin.
+const PART: &str = "#/$defs/Part";
+
+impl Transform for Partial {
+    fn transform(&mut self, schema: &mut schemars::Schema) {
+        let Some(object) = schema.as_object_mut() else { return };
+        object.shift_remove("required");
+        // Without a `type` all variants fit that have the fields.
+        if let Some(variants) = object.shift_remove("oneOf") {
+            object.insert("anyOf".to_owned(), variants);
+        }
+        if let Some(serde_json::Value::String(target)) = object.get_mut("$ref") {
+            *target = target.replace(DEFINITION, PART);
+        }
+    }
+}
+
+/// Of items that are switched off nothing is required.
+#[derive(Clone)]
+struct SwitchedOff {
+    /// Names of the definitions of items.
+    items: Vec<String>,
+}
+
+const DEFINITION: &str = "#/$defs/";
+
+impl Transform for SwitchedOff {
+    fn transform(&mut self, schema: &mut schemars::Schema) {
+        let Some(inside) = schema.get_mut("additionalProperties") else { return };
+        let name = inside["$ref"].as_str().and_then(|target| target.strip_prefix(DEFINITION));
+        let Some(name) = name.filter(|name| self.items.iter().any(|item| item == name)) else {
+            return;
+        };
+        let off =
+            json!({ "properties": { "enabled": { "const": false } }, "required": ["enabled"] });
+        let part = json!({ "$ref": format!("{PART}{name}") });
+        *inside = json!({ "if": off, "then": part, "else": inside });
+    }
+}
+
 /// What is required unless another field of the same table stands in for it, `x-unless`.
 #[derive(Clone)]
 struct WithSubstitutes;
@@ -240,25 +284,47 @@ pub(super) fn root_schema() -> serde_json::Value {
     settings.into_generator().into_root_schema_for::<ModelFile>().to_value()
 }
 
-/// JSON Schema (draft 2020-12) of model files, for editors and other tools. A file that extends
-/// another one holds parts of items, which only the merged file completes: of such a file the schema
-/// checks the sections.
+/// JSON Schema (draft 2020-12) of model files, for editors and other tools. A file that extends another one or has
+/// patterns holds parts of items, which only the merged and written-out file completes: of such a file the
+/// schema requires no field of an item.
 pub fn json_schema() -> String {
-    let settings = schemars::generate::SchemaSettings::draft2020_12()
-        .with_transform(RecursiveTransform(WithoutNull))
-        .with_transform(RecursiveTransform(WithParameters))
-        .with_transform(RecursiveTransform(WithSubstitutes));
-    let mut schema = settings.into_generator().into_root_schema_for::<ModelFile>().to_value();
+    let settings = || {
+        schemars::generate::SchemaSettings::draft2020_12()
+            .with_transform(RecursiveTransform(WithoutNull))
+            .with_transform(RecursiveTransform(WithParameters))
+    };
+    let whole = settings().with_transform(RecursiveTransform(WithSubstitutes));
+    let mut whole = whole.into_generator().into_root_schema_for::<ModelFile>();
+    let part = settings().with_transform(RecursiveTransform(Partial));
+    let mut part = part.into_generator().into_root_schema_for::<ModelFile>().to_value();
+    let is_item = |schema: &serde_json::Value| {
+        let variants =
+            schema["oneOf"].as_array().map_or(std::slice::from_ref(schema), Vec::as_slice);
+        variants.iter().all(|variant| variant["properties"]["enabled"].is_object())
+    };
+    let definitions = whole.get("$defs").and_then(|all| all.as_object()).into_iter().flatten();
+    let items = definitions.filter(|(_, schema)| is_item(schema)).map(|(name, _)| name.clone());
+    let items = items.collect();
+    RecursiveTransform(SwitchedOff { items }).transform(&mut whole);
+    let mut schema = whole.to_value();
     let mut whole = serde_json::Map::new();
     if let Some(root) = schema.as_object_mut() {
         for keyword in ["properties", "required", "additionalProperties"] {
             whole.extend(root.shift_remove(keyword).map(|value| (keyword.to_owned(), value)));
         }
-        let names = whole["properties"].as_object().into_iter().flatten().map(|(name, _)| name);
-        let sections: serde_json::Map<_, _> = names.map(|name| (name.clone(), json!({}))).collect();
-        root.insert("if".to_owned(), json!({ "required": ["extends"] }));
-        let part = json!({ "properties": sections, "required": ["holonom"], "additionalProperties": false });
-        root.insert("then".to_owned(), part);
+        if let (Some(all), Some(parts)) = (root["$defs"].as_object_mut(), part["$defs"].as_object())
+        {
+            all.extend(parts.iter().map(|(name, schema)| (format!("Part{name}"), schema.clone())));
+        }
+        let holds_parts = json!([{ "required": ["extends"] }, { "required": ["patterns"] }]);
+        root.insert("if".to_owned(), json!({ "anyOf": holds_parts }));
+        let then = json!({
+            "properties": part["properties"].take(),
+            "required": ["holonom"],
+            "anyOf": [{ "required": ["extends"] }, { "required": whole["required"] }],
+            "additionalProperties": false,
+        });
+        root.insert("then".to_owned(), then);
         root.insert("else".to_owned(), whole.into());
     }
     format!("{schema:#}\n")
