@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import tomllib
 from collections.abc import Callable
@@ -177,17 +178,23 @@ def read_value(text: str) -> Any:
     try:
         return json.loads(text)
     except ValueError:
-        return _toml_table(text.strip())
+        return _toml_value(text.strip())
     except RecursionError:
         tip = "take fewer levels"
         raise UsageError(f"{quoted(text)} is nested too deeply", help=tip) from None
 
 
-def _toml_table(text: str) -> Any:
-    """Return a table or list as model files have it, ``{mass = 1}``; anything else is a text."""
-    if not text.startswith(("{", "[")) or "\n" in text:
-        return text
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, RecursionError):
-        return text
+def _toml_value(text: str) -> Any:
+    """Return a table, list or number as model files have it, ``{mass = 1}``, ``1_000`` or ``+2``.
+
+    Numbers that Python reads, as ``.5``, are numbers, too; anything else is a text.
+    """
+    if text.startswith(("{", "[")) and "\n" not in text:
+        with contextlib.suppress(tomllib.TOMLDecodeError, RecursionError):
+            return tomllib.loads(f"value = {text}")["value"]
+    with contextlib.suppress(ValueError):
+        return int(text, base=0)
+    with contextlib.suppress(ValueError):
+        if math.isfinite(number := float(text)):
+            return number
+    return text

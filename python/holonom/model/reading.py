@@ -62,6 +62,7 @@ def read_text(text: str, syntax: str | None, name: str) -> _core.CoreModel:
     if not isinstance(name, str):
         raise UsageError(f"`name` is {quoted(repr(name))}", help="pass a text")
     require_text(name, "the name of the model")
+    text = text.removeprefix("\ufeff")  # which files may begin with, too
     if syntax is None:
         syntax = "json" if text.lstrip().startswith("{") else "toml"
     if syntax not in ("toml", "json"):
