@@ -11,7 +11,7 @@ use super::names::{nearest, objection, suggest};
 use super::parameters::Parameters;
 use super::schema::Dimension;
 use super::shape::{Field, Record, Shape, Variant, alternatives, describe, model_file};
-use super::tree::{Node, Table, Value, join};
+use super::tree::{Node, Span, Table, Value, join};
 use super::units::{self, Units};
 use crate::error::{Code, Diagnostic, shown};
 use crate::watch::{NAMED, checkpoint};
@@ -101,6 +101,15 @@ impl Checker<'_> {
             _ => match (shape, &node.value) {
                 (Shape::Record(record), Value::Number(x)) if record.field("value").is_some() => {
                     format!("write {{ value = {} }}", shown(*x))
+                }
+                (Shape::Text, Value::Number(_) | Value::Bool(_)) => {
+                    let text = match &node.value {
+                        Value::Number(x) => shown(*x),
+                        value => matches!(value, Value::Bool(true)).to_string(),
+                    };
+                    let shell = format!(", in a shell '\"{text}\"'");
+                    let shell = if node.span == Span::SET { &shell } else { "" };
+                    format!("write a text in quotes: \"{text}\"{shell}")
                 }
                 _ => String::new(),
             },
@@ -323,6 +332,13 @@ impl Checker<'_> {
         }
         // Under `initial` the names refer to items defined elsewhere.
         let defines = !path.starts_with("initial.");
+        let can_be_off = match item {
+            Shape::Record(record) => record.field("enabled").is_some(),
+            Shape::Tagged(tagged) => {
+                tagged.variants.iter().all(|v| v.record.field("enabled").is_some())
+            }
+            _ => false,
+        };
         let mut out = serde_json::Map::with_capacity(table.len());
         for (name, entry) in table {
             let at = join(path, name);
@@ -339,6 +355,7 @@ impl Checker<'_> {
             }
             if let Some(Value::Bool(false)) = entry.node.field("enabled").map(|node| &node.value)
                 && entry.node.table().is_some_and(|fields| fields.len() == 1)
+                && can_be_off
             {
                 let message = format!("`{at}` is switched off; there is no such item");
                 let help = "name an item of the file that is extended, or delete the line";

@@ -15,7 +15,7 @@ use super::patterns::{Expanded, expand};
 use super::read::Syntax;
 use super::resolve;
 use super::schema::ModelFile;
-use super::set::set;
+use super::set::{make_way, set};
 use super::tree::{Node, Places, Source, Span, Value, join, location, marks_key, node_at, span_of};
 use super::units::Units;
 use crate::error::{Code, Diagnostic, Location, ModelErrors, Severity, Warning, printable};
@@ -71,7 +71,8 @@ impl Document {
 
     /// The document with new values, in the units of the file: `forces.front.stiffness[2]`, `parameters.spring`,
     /// `simulation.end_time`. A path that is not written in the file but that the format knows is
-    /// added.
+    /// added; what says the same in another way, in its place. An item that is set as a whole is what is set, also
+    /// where a pattern makes it.
     ///
     /// # Errors
     /// [`Code::UnknownPath`] with the nearest path, for all paths that lead nowhere.
@@ -81,6 +82,8 @@ impl Document {
     ) -> Result<Self, ModelErrors> {
         let mut document = self.clone();
         let mut errors: Vec<Diagnostic> = Vec::new();
+        // Before all, so that values that contradict each other are refused.
+        values.iter().for_each(|(path, _)| make_way(&mut document.root, path.as_ref()));
         // What is written by patterns depends on these: the order of the call does not matter.
         let (first, then): (Vec<_>, Vec<_>) = values.iter().partition(|(path, _)| {
             ["parameters.", "patterns."].iter().any(|start| path.as_ref().starts_with(start))
@@ -98,11 +101,21 @@ impl Document {
     }
 
     /// The merged file as JSON, in its own units and without what is switched off; reading it gives the same
-    /// model.
+    /// model. Patterns of which an item was set as a whole are written out.
     pub fn to_json(&self) -> String {
-        // An item of a pattern is switched off by what is laid over it, which then has to stay.
-        let root = self.root.clone();
-        let root = if root.field("patterns").is_some() { root } else { without_disabled(root) };
+        let expanded = self.root.field("patterns").map(|_| self.expanded());
+        let root = match expanded {
+            None => without_disabled(self.root.clone()),
+            Some(expanded) if expanded.replaced => {
+                let mut root = expanded.root;
+                if let Value::Table(file) = &mut root.value {
+                    file.shift_remove("patterns");
+                }
+                root
+            }
+            // An item of a pattern is switched off by what is laid over it, which then has to stay.
+            Some(_) => self.root.clone(),
+        };
         format!("{:#}\n", root.to_json())
     }
 

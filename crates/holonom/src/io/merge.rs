@@ -1,9 +1,13 @@
 //! Files that extend each other: reading the chain, merging by name, removing what is switched off.
 
+use indexmap::IndexSet;
+
 use super::check::COLLECTIONS;
 use super::limits;
 use super::read::{Syntax, read};
-use super::tree::{Entry, Node, Source, Span, Table, Value, join, location};
+use super::set::{fitting, inner};
+use super::shape::{Shape, model_shape, other_ways};
+use super::tree::{Node, Source, Span, Step, Table, Value, join, location};
 use super::units::QUANTITIES;
 use crate::error::{Code, Diagnostic, ModelErrors};
 use crate::watch::{NAMED, checkpoint};
@@ -36,7 +40,7 @@ pub(super) fn read_chain(
     let mut merged = layers.pop().unwrap_or(Node { value: Value::Bool(false), span: Span::SET });
     while let Some(layer) = layers.pop() {
         check_units(&merged, &layer, sources)?;
-        merge(&mut merged, layer);
+        merge(&mut merged, layer, Some(model_shape()));
     }
     Ok(merged)
 }
@@ -148,19 +152,29 @@ pub(super) fn relative_path(from: &str, path: &str) -> String {
     format!("{root}{}", parts.join("/"))
 }
 
-/// Lays `over` on `base`: tables are merged field by field, everything else is replaced. A table
-/// that states another `type` replaces the old one, whose fields would not fit.
-pub(super) fn merge(base: &mut Node, over: Node) {
+/// Lays `over` on `base`, which have the shape: tables are merged field by field, everything else is replaced. A table
+/// that states another `type` replaces the old one, whose fields would not fit, and a field those that
+/// state the same in another way.
+pub(super) fn merge(base: &mut Node, over: Node, shape: Option<&Shape>) {
     let type_of = |node: &Node| node.field("type").and_then(Node::text).map(str::to_owned);
     let retyped = type_of(&over).is_some_and(|new| type_of(base).is_some_and(|old| old != new));
+    let guide = if over.field("type").is_some() { &over } else { &*base };
+    let names = over.table().into_iter().flat_map(Table::keys);
+    let shapes: Vec<_> =
+        names.map(|name| inner(shape?, guide, &Step::Field(name.clone()))).collect();
+    let of_fields = shape.is_some_and(|shape| !matches!(fitting(shape, guide), Shape::Map(_)));
     match (&mut base.value, over.value) {
-        (Value::Table(fields), Value::Table(new)) if !retyped => {
-            for (name, entry) in new {
+        (Value::Table(fields), Value::Table(new)) if !retyped && over.span != Span::SET => {
+            if of_fields {
+                let others = new.keys().flat_map(|name| other_ways(name));
+                others.for_each(|other| drop(fields.shift_remove(other)));
+            }
+            for ((name, entry), shape) in new.into_iter().zip(shapes) {
                 checkpoint(NAMED);
                 match fields.get_mut(&name) {
                     Some(old) => {
                         old.key = entry.key;
-                        merge(&mut old.node, entry.node);
+                        merge(&mut old.node, entry.node, shape);
                     }
                     None => {
                         fields.insert(name, entry);
@@ -173,39 +187,45 @@ pub(super) fn merge(base: &mut Node, over: Node) {
     base.span = over.span;
 }
 
-/// Removes the items with `enabled = false`.
+/// Tables of `initial`, and the collections of the items that they speak of.
+const INITIAL: [(&str, &str); 3] =
+    [("bodies", "bodies"), ("joints", "joints"), ("extra_states", "forces")];
+
+/// Removes the items with `enabled = false`, and what is stated of their start.
 pub(super) fn without_disabled(mut root: Node) -> Node {
-    if let Value::Table(fields) = &mut root.value {
-        for collection in COLLECTIONS {
-            if let Some(Entry { node: Node { value: Value::Table(items), .. }, .. }) =
-                fields.get_mut(collection)
-            {
-                retain_enabled(items);
-                if collection == "bodies" {
-                    items.values_mut().for_each(|body| without_disabled_shapes(&mut body.node));
-                }
+    for collection in COLLECTIONS {
+        let Some(items) = root.table_mut(collection) else { continue };
+        let removed = retain_enabled(items);
+        if collection == "bodies" {
+            let shapes = items.values_mut().filter_map(|body| body.node.table_mut("shapes"));
+            shapes.for_each(|shapes| drop(retain_enabled(shapes)));
+        }
+        let Some(initial) = root.field_mut("initial").filter(|_| !removed.is_empty()) else {
+            continue;
+        };
+        for (field, _) in INITIAL.iter().filter(|(_, of)| *of == collection) {
+            if let Some(stated) = initial.table_mut(field) {
+                stated.retain(|name, _| !removed.contains(name));
             }
         }
     }
     root
 }
 
-fn without_disabled_shapes(body: &mut Node) {
-    if let Value::Table(fields) = &mut body.value
-        && let Some(Entry { node: Node { value: Value::Table(shapes), .. }, .. }) =
-            fields.get_mut("shapes")
-    {
-        retain_enabled(shapes);
-    }
-}
-
-/// Items of which nothing else is stated stay, for the check of fields: there is nothing that they switch off.
-fn retain_enabled(items: &mut Table) {
-    items.retain(|_, entry| {
+/// Removes items, and returns their names. Those of which nothing else is stated stay, for the check of fields: there is
+/// nothing that they switch off.
+fn retain_enabled(items: &mut Table) -> IndexSet<String> {
+    let mut removed = IndexSet::new();
+    items.retain(|name, entry| {
         let enabled = entry.node.field("enabled").map(|node| &node.value);
         let alone = matches!(&entry.node.value, Value::Table(fields) if fields.len() == 1);
-        alone || !matches!(enabled, Some(Value::Bool(false)))
+        let stays = alone || !matches!(enabled, Some(Value::Bool(false)));
+        if !stays {
+            removed.insert(name.clone());
+        }
+        stays
     });
+    removed
 }
 
 #[cfg(test)]

@@ -4,12 +4,33 @@ use indexmap::IndexSet;
 
 use super::check::{COLLECTIONS, kind_fits};
 use super::names::suggestion;
-use super::shape::{Shape, Tagged, model_shape};
+use super::shape::{Shape, Tagged, model_shape, other_ways};
 use super::tree::{Entry, Node, Span, Step, Table, Value, join, node_at, parse_path, path_of};
 use crate::error::{Code, Diagnostic};
 
 /// Tables whose names are those of items defined elsewhere.
 const INITIAL: [&str; 3] = ["initial.bodies", "initial.joints", "initial.extra_states"];
+
+/// Removes what says in another way what is set at `path`.
+pub(super) fn make_way(root: &mut Node, path: &str) {
+    let (mut node, mut shape) = (root, Some(model_shape()));
+    for step in parse_path(path).unwrap_or_default() {
+        let of_fields = shape.is_some_and(|shape| !matches!(fitting(shape, node), Shape::Map(_)));
+        shape = shape.and_then(|shape| inner(shape, node, &step));
+        let next = match (&mut node.value, &step) {
+            (Value::Table(table), Step::Field(name)) => {
+                if of_fields {
+                    other_ways(name).for_each(|other| drop(table.shift_remove(other)));
+                }
+                table.get_mut(name).map(|entry| &mut entry.node)
+            }
+            (Value::List(list), Step::Index(i)) => list.get_mut(*i),
+            _ => None,
+        };
+        let Some(next) = next else { return };
+        node = next;
+    }
+}
 
 /// Puts `value` where `path` leads. The path must exist in the file, in the format, or in `expanded`,
 /// the file with its patterns written out: what is set there is laid over what the pattern writes.
@@ -79,6 +100,7 @@ pub(super) fn set(
     // What patterns wrote there.
     let mut seen = expanded;
     let mut walked = String::new();
+    let mut is_stated = true;
     for step in &steps {
         let kind = node.kind();
         let guide = seen.filter(|_| node.field("type").is_none()).unwrap_or(node);
@@ -106,7 +128,10 @@ pub(super) fn set(
                         Some(Node { value: Value::Table(_), .. }) => empty(),
                         Some(written) => written.clone(),
                         // What is not written yet becomes a table when the path goes on through it.
-                        None if shape.is_some() && of_format => empty(),
+                        None if shape.is_some() && of_format => {
+                            is_stated = false;
+                            empty()
+                        }
                         None => {
                             let written = table.keys().cloned().chain(known).chain(names);
                             let others = guide_names(expanded, &walked);
@@ -138,6 +163,10 @@ pub(super) fn set(
                 };
                 walked = format!("{walked}[{i}]");
                 entry
+            }
+            _ if !is_stated => {
+                let message = format!("`{path}`: `{walked}` is not stated");
+                return fail(message, format!("set all of it: `{walked}`"));
             }
             _ => {
                 let message = format!("`{path}`: `{walked}` is {kind}, which has no such part");
@@ -178,7 +207,7 @@ fn no_value(code: Code, path: &str, steps: &[Step]) -> Diagnostic {
 }
 
 fn empty() -> Node {
-    Node { value: Value::Table(Table::new()), span: Span::SET }
+    Node { value: Value::Table(Table::new()), span: Span::WAY }
 }
 
 /// Names that stand in a table of the file with its patterns written out.
@@ -200,8 +229,8 @@ fn fields(shape: Option<&Shape>, node: &Node) -> Vec<String> {
     }
 }
 
-/// The shape one step further.
-fn inner<'a>(shape: &'a Shape, node: &Node, step: &Step) -> Option<&'a Shape> {
+/// The shape one step further; of a table by `type`, that of `node`.
+pub(super) fn inner<'a>(shape: &'a Shape, node: &Node, step: &Step) -> Option<&'a Shape> {
     match (fitting(shape, node), step) {
         (Shape::Record(record), Step::Field(name)) => Some(&record.field(name)?.shape),
         (Shape::Tagged(Tagged { variants, .. }), Step::Field(name)) => {
@@ -216,7 +245,8 @@ fn inner<'a>(shape: &'a Shape, node: &Node, step: &Step) -> Option<&'a Shape> {
     }
 }
 
-fn fitting<'a>(shape: &'a Shape, node: &Node) -> &'a Shape {
+/// The shape itself, or the alternative that takes values of the kind of `node`.
+pub(super) fn fitting<'a>(shape: &'a Shape, node: &Node) -> &'a Shape {
     match shape {
         Shape::Either(either) => {
             either.list.iter().map(|(_, s)| s).find(|s| kind_fits(s, node)).unwrap_or(shape)

@@ -83,6 +83,29 @@ pub(super) struct Variant {
     pub(super) record: Record,
 }
 
+/// Ways to state the same thing, each by some fields of a table.
+const ALTERNATIVES: [&[&[&str]]; 12] = [
+    &[&["point"], &["point_in_body"], &["points_in_body"]],
+    &[&["points"], &["points_in_body"]],
+    &[&["axis"], &["axis_in_body"], &["axes_in_body"]],
+    &[&["axes"], &["axes_in_body"]],
+    &[&["euler_parameters"], &["axis_angle"], &["yaw_pitch_roll"], &["euler_angles"]],
+    &[&["joint"], &["between"], &["on"]],
+    &[&["joint"], &["point", "points_in_body", "axis", "axes_in_body"]],
+    &[&["stiffness"], &["force"], &["torque"]],
+    &[&["stiffness", "rotational_stiffness"], &["stiffness_matrix"]],
+    &[&["damping", "rotational_damping"], &["damping_matrix"]],
+    &[&["table"], &["x", "y"]],
+    &[&["fixed_step"], &["max_step", "initial_step"]],
+];
+
+/// Fields that say in another way what `field` says.
+pub(super) fn other_ways(field: &str) -> impl Iterator<Item = &'static str> {
+    let ways = ALTERNATIVES.iter().filter(move |ways| ways.iter().any(|way| way.contains(&field)));
+    let others = ways.flat_map(move |ways| ways.iter().filter(move |way| !way.contains(&field)));
+    others.copied().flatten().copied()
+}
+
 impl Record {
     pub(super) fn field(&self, name: &str) -> Option<&Field> {
         self.fields.iter().find(|field| field.name == name)
@@ -104,6 +127,18 @@ pub(super) fn model_shape() -> &'static Shape {
         let schema = root_schema();
         Shape::Record(Compiler { definitions: &schema["$defs"] }.record(&schema))
     })
+}
+
+/// The shape of the items in the table that these fields of a model file lead to.
+pub(super) fn item_shape(place: &[&str]) -> Option<&'static Shape> {
+    let inside = |shape: &'static Shape, field: &&str| match shape {
+        Shape::Record(record) => Some(&record.field(field)?.shape),
+        _ => None,
+    };
+    match place.iter().try_fold(model_shape(), inside)? {
+        Shape::Map(item) => Some(item),
+        _ => None,
+    }
 }
 
 /// Reads the keywords that the types of `schema` lead to; a keyword it does not know would be a

@@ -16,8 +16,10 @@ pub(super) struct Span {
 }
 
 impl Span {
-    /// Of a value that no file states (`with_values`).
+    /// Of a value that no file states (`with_values`): it takes the place of all that is there.
     pub(super) const SET: Self = Self { file: usize::MAX, start: 0, end: 0 };
+    /// Of a table on the way to such a value: it adds to what is there.
+    pub(super) const WAY: Self = Self { file: usize::MAX, start: 1, end: 1 };
 }
 
 /// A value with its place.
@@ -64,6 +66,21 @@ impl Node {
 
     pub(super) fn field(&self, name: &str) -> Option<&Node> {
         self.table()?.get(name).map(|entry| &entry.node)
+    }
+
+    pub(super) fn field_mut(&mut self, name: &str) -> Option<&mut Node> {
+        match &mut self.value {
+            Value::Table(table) => table.get_mut(name).map(|entry| &mut entry.node),
+            _ => None,
+        }
+    }
+
+    /// The table that a field holds.
+    pub(super) fn table_mut(&mut self, name: &str) -> Option<&mut Table> {
+        match &mut self.field_mut(name)?.value {
+            Value::Table(table) => Some(table),
+            _ => None,
+        }
     }
 
     /// What the value is, for messages.

@@ -13,6 +13,7 @@ use crate::io::limits;
 use crate::io::merge::merge;
 use crate::io::names::suggest;
 use crate::io::parameters::Parameters;
+use crate::io::shape::item_shape;
 use crate::io::tree::{Entry, Node, Span, Table, Value, join};
 use crate::watch::{NAMED, checkpoint};
 
@@ -67,6 +68,7 @@ impl Expander {
                 patterns: Vec::new(),
                 templates: Vec::new(),
                 keys: Vec::new(),
+                replaced: false,
             },
         }
     }
@@ -292,12 +294,17 @@ impl Expander {
             }
             // What is no table is reported by the check.
             let Some(items) = table_for(file, place) else { continue };
+            let shape = item_shape(place);
             let mut made = std::mem::take(made);
             for (name, entry) in std::mem::take(items) {
                 match made.get_mut(&name) {
                     Some(base) => {
                         base.key = entry.key;
-                        merge(&mut base.node, entry.node);
+                        if entry.node.span == Span::SET {
+                            self.out.origins.swap_remove(&join(&place.join("."), &name));
+                            self.out.replaced = true;
+                        }
+                        merge(&mut base.node, entry.node, shape);
                     }
                     None => {
                         items.insert(name, entry);

@@ -45,6 +45,8 @@ pub(super) struct Expanded {
     templates: Vec<String>,
     /// Names that patterns make where nothing is wrong with them.
     keys: Vec<Key>,
+    /// Whether an item that a pattern makes was set as a whole, which no file with that pattern can say.
+    pub(super) replaced: bool,
 }
 
 /// Names that a pattern makes in a section.
