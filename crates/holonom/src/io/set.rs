@@ -166,7 +166,7 @@ pub(super) fn set(
             }
             _ if !is_stated => {
                 let message = format!("`{path}`: `{walked}` is not stated");
-                return fail(message, format!("set all of it: `{walked}`"));
+                return fail(message, format!("set the whole list, `{walked}`"));
             }
             _ => {
                 let message = format!("`{path}`: `{walked}` is {kind}, which has no such part");

@@ -218,7 +218,8 @@ impl Transform for WithParameters {
 #[derive(Clone)]
 struct Partial;
 
-/// How the definitions of parts begin.
+/// How references to definitions begin, and to those of parts.
+const DEFINITION: &str = "#/$defs/";
 const PART: &str = "#/$defs/Part";
 
 impl Transform for Partial {
@@ -241,8 +242,6 @@ struct SwitchedOff {
     /// Names of the definitions of items.
     items: Vec<String>,
 }
-
-const DEFINITION: &str = "#/$defs/";
 
 impl Transform for SwitchedOff {
     fn transform(&mut self, schema: &mut schemars::Schema) {
