@@ -119,11 +119,12 @@ class Certification:
 
     def continued(self, time: float) -> Certification:
         """Return what it says of a result that goes on from a time (s) without a second run."""
-        if self.reason:
+        if self.reason or self.exceeding:
             return self
-        message = f"there was no second run beyond {time:.6g} s, where the result was continued"
+        beyond = time if self.until is None else min(time, self.until)
+        message = f"there was no second run beyond {beyond:.6g} s, where the result was continued"
         tip = "certify a run of the whole time"
-        reason = {"code": "simulation/not-certified", "message": message, "help": tip}
+        reason = {"code": "simulation/not-certified", "message": message, "advice": tip}
         return replace(self, reason=reason)
 
     def warning(self) -> dict[str, str] | None:
@@ -138,7 +139,7 @@ class Certification:
             if self.until is not None and (worst := self.worst) is not None:
                 text += f"; up to {self.until:.6g} s `{worst.name}` is furthest off"
                 text += f", {worst.tolerances:.3g} tolerances"
-            return f"{text}: {self.reason.get('help') or LOOSER}"
+            return f"{text}: {self.reason.get('advice') or LOOSER}"
         worst, others = self.exceeding[0], len(self.exceeding) - 1
         text = (
             f"not certified: `{worst.name}` is {worst.tolerances:.3g} tolerances off the run at "

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.certificate import LOOSER, ChannelError
+from holonom.certificate import ChannelError
 from holonom.channels import split_component
 from holonom.gauge import KINDS, RESIDUALS, Gauge, peak
 from holonom.options import Tolerance
@@ -34,7 +34,7 @@ SMALLEST_RELATIVE = 1e-13
 NO_SECOND_RUN = {
     "code": "simulation/not-certified",
     "message": "there was no second run, or it was cut off",
-    "help": "certify it by another run",
+    "advice": "certify it by another run",
 }
 #: Words that stand for channels of every body.
 SETS = {
@@ -56,7 +56,7 @@ def unfinished(failure: Mapping[str, Any]) -> dict[str, Any]:
     code = str(failure.get("code", "simulation/failed"))
     said = str(failure.get("message") or "ended early").splitlines()[0].removesuffix(f" [{code}]")
     message = f"the second run, at a tenth of the tolerance, did not reach its end: {said}"
-    return {**failure, "code": code, "message": message, "help": LOOSER}
+    return {**failure, "code": code, "message": message}
 
 
 def certified_channels(model: Model, requested: Sequence[str]) -> list[str]:

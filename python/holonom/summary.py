@@ -151,6 +151,9 @@ _MOST = 0.9
 def _choices_that_limit(result: Result) -> list[str]:
     """Return what was chosen of the steps' sizes, where that decided them."""
     options = result.meta.get("options") or {}
+    parts = [part.get("options") or {} for part in result.meta.get("parts") or []]
+    if any(part.get("fixed_step") != options.get("fixed_step") for part in parts):
+        return ["`fixed_step`, which not all parts have alike"]
     if options.get("fixed_step"):
         return [f"`fixed_step`: every step has {options['fixed_step']:g} s"]
     largest = options.get("max_step")

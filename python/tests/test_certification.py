@@ -18,7 +18,7 @@ from conftest import oscillator_text, write_result
 from numpy.typing import NDArray
 
 import holonom
-from holonom.certificate import BOUND, Certification
+from holonom.certificate import BOUND, Certification, ChannelError
 from holonom.certification import Measurement
 from holonom.cli.commands import invoke
 from holonom.report import render
@@ -575,3 +575,15 @@ def test_what_older_files_say_of_rows_with_a_nan_is_not_certified(tolerances: fl
     assert not found.certified
     assert found.worst is found.exceeding[0]
     assert "`block.position` is inf tolerances off" in str(found)
+
+
+def test_what_was_too_far_off_stays_so_when_the_result_goes_on() -> None:
+    def at(tolerances: float) -> Certification:
+        error = ChannelError("a.angle", "rad", 0.2, 1e-4 * tolerances, 1e-4, tolerances)
+        return Certification({"relative": 1e-5}, BOUND, (error,), until=0.4, reason={})
+
+    assert at(100.0).continued(0.5) == at(100.0)
+    going_on = at(1.0).continued(0.5)
+    # Rows beyond the one at 0.4 s were not compared, wherever the last part began.
+    assert "no second run beyond 0.4 s" in going_on.reason["message"]
+    assert going_on.continued(0.7) == going_on

@@ -196,6 +196,14 @@ def test_an_interval_has_a_part_of_its_rows(pendulum: Path, tmp_path: Path) -> N
     line = ["export", str(result), "rod.angle", "--interval", "0.3", "-o", str(table)]
     assert invoke([*line, "--from", "0.5"]) == 0
     np.testing.assert_allclose(pd.read_csv(table)["time (s)"], [0.6, 0.9, 1.0])
+    for interval, ends, times in [
+        ("0.1", ["0.3", "0.7"], [0.3, 0.4, 0.5, 0.6, 0.7]),  # 0.1 + 0.2 is 0.30000000000000004
+        ("0.3", ["0.3", "2"], [0.3, 0.6, 0.9, 1.0]),
+        ("1e-9", ["0.5", "0.500000002"], [0.5, 0.500000001, 0.500000002]),  # of 1e9 in all
+    ]:
+        line = ["export", str(result), "rod.angle", "--interval", interval, "-o", str(table)]
+        assert invoke([*line, "--from", ends[0], "--to", ends[1], "--force"]) == 0
+        np.testing.assert_allclose(pd.read_csv(table)["time (s)"], times, rtol=1e-14)
 
 
 @pytest.mark.parametrize(

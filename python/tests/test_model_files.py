@@ -130,7 +130,11 @@ def test_what_is_switched_off_needs_no_start(tmp_path: Path) -> None:
     assert variant == read(base).with_values({f"{item}.enabled": False for item in items})
     exception = "[bodies]\nb_2 = { enabled = false }\n[forces]\nf_2 = { enabled = false }\n"
     assert list(read(REPEATED + exception).bodies) == ["b_1", "b_3"]
-    # What was never there is still an error.
+    # What is set of it is not dropped without a word; what was never there is still an error.
+    (problem,) = problems(
+        base, {f"{item}.enabled": False for item in items} | {"initial.joints.rail.velocity": 2.0}
+    )
+    assert problem.startswith("initial.joints.rail")
     (problem,) = problems(BLOCKS + "[initial.bodies]\nc = { velocity = [1.0, 0.0] }")
     assert "which is not there" in problem
     for line in ("b = { enabled = false }", "b = { enabled = false, velocity = [1.0, 0.0] }"):
@@ -171,25 +175,56 @@ def test_names_of_items_are_no_ways_to_state_anything(tmp_path: Path) -> None:
     assert list(markers) == ["point", "point_in_body"]
 
 
-def test_an_item_that_is_set_as_a_whole_is_what_is_set() -> None:
-    # Independent truth: the same set in a file without patterns.
-    new = {
-        "type": "tsda", "between": ["ground", "b_2"], "points": [[0.0, 1.0], [2.0, 0.0]],
-        "damping": 1.0,
-    }  # fmt: skip
-    changed = read(REPEATED).with_values({"forces.f_2": new})
-    again = read(changed.to_json())
-    for model in (changed, again):
-        written = json.loads(model.to_json(plain=True))
-        assert written["forces"]["f_2"].keys() == new.keys()
-        assert written["forces"]["f_3"]["stiffness"] == 5.0
-    assert list(again.forces) == list(changed.forces) == ["f_1", "f_2", "f_3"]
-    # A field alone is laid over the repeated item, whose pattern stays.
-    softer = read(REPEATED).with_values({"forces.f_2.stiffness": 1.0})
-    assert softer.forces["f_2"]["free_length"] == 1.0
-    assert "patterns" in json.loads(softer.to_json())
-    (problem,) = problems(REPEATED, {"forces.f_2": {**new, "damping": -1.0}})
-    assert problem.startswith("forces.f_2.damping")
+def test_what_is_set_of_a_repeated_item_is_laid_over_it() -> None:
+    # Independent truth: what a file says in the same place, and the text that is written of it.
+    turn = {"type": "harmonic", "amplitude": 1.0, "angular_frequency": 2.0, "phase": 0.5}
+    twist = '"t_{i}" = { type = "torque", on = "b_{i}", torque = ' + json.dumps(turn) + " }\n"
+    text = REPEATED + "[patterns.row.forces]\n" + twist.replace('":', '" =')
+    new = {"damping": 1.0, "stiffness": 2.0}
+    slower = {"type": "harmonic", "angular_frequency": 1.0}
+    changed = read(text).with_values({"forces.f_2": new, "forces.t_2.torque": slower})
+    over = "[forces]\nf_2 = { damping = 1.0, stiffness = 2.0 }\n"
+    stated = read(text + over + "t_2 = { torque = { angular_frequency = 1.0 } }\n")
+    for model in (changed, stated, read(changed.to_json())):
+        written = json.loads(model.to_json(plain=True))["forces"]
+        assert written["t_2"]["torque"] == turn | slower
+        assert written["f_2"] == written["f_3"] | {
+            "between": ["ground", "b_2"], "points": [[0.0, 1.0], [2.0, 0.0]],
+        } | new  # fmt: skip
+        assert "patterns" in json.loads(model.to_json())
+    off = read(text).with_values({"forces.f_2": {"enabled": False}})
+    assert "f_2" not in off.forces
+
+
+def test_a_part_of_what_a_field_says_does_not_take_its_place() -> None:
+    whole = """
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+bodies.m = { mass = 1.0, inertia = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+  position = [0.0, 0.0, 0.0] }
+forces.m_bush = { type = "bushing", between = ["ground", "m"], point = [0.0, 0.0, 0.0],
+  MATRIX }
+simulation = { end_time = 1.0, STEP }
+"""
+    zeros = [[float(i == j) for j in range(6)] for i in range(6)]
+    matrix = whole.replace("MATRIX", f"stiffness_matrix = {zeros}")
+    halves = whole.replace("MATRIX", "stiffness = [1.0, 1.0, 1.0]")
+    fixed, free = "fixed_step = 0.01", "max_step = 0.01"
+    turned = {"forces.m_bush.rotational_stiffness": [1.0, 1.0, 1.0]}
+    (problem,) = problems(matrix.replace("STEP", free), turned)
+    assert "stiffness_matrix" in problem
+    (problem,) = problems(matrix.replace("STEP", fixed), {"simulation.initial_step": 1e-3})
+    assert "fixed_step" in problem
+    found = read(halves.replace("STEP", free)).with_values(
+        {"forces.m_bush.stiffness_matrix": zeros, "simulation.fixed_step": 0.01}
+    )
+    assert "stiffness" not in found.forces["m_bush"]
+    # What a force does not know takes no place either: only that is wrong.
+    pushed = BLOCKS + "[forces.push]\ntype = 'point_force'\non = 'a'\npoint = [1.0, 0.0]\n"
+    pushed += "force = [1.0, 0.0]\n"
+    (problem,) = problems(pushed, {"forces.push.stiffness": 3.0})
+    assert "`stiffness`" in problem
 
 
 def fits(schema: Any, value: Any, root: dict[str, Any]) -> bool:

@@ -153,3 +153,23 @@ def test_a_reference_that_has_lost_what_is_compared_is_refused(
     (row,) = json.loads(output.out)["rows"]
     assert row["measure"] < 10.0
     assert "lost are: the entry `dof` of its description [result/damaged]" in output.err
+
+
+def test_what_a_reference_has_lost_beyond_the_comparison_does_not_matter(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    model = holonom.Model.from_text(OSCILLATOR)
+    names = ["spring.length"]
+    reference = model.simulate(end_time=1.0, interval=0.01, tolerance=1e-8, channels=names)
+    asked: dict[str, Any] = {
+        "methods": ["ForRadau"], "tolerances": [1e-3], "repeat": 0, "interval": 0.05,
+        "channels": names, "end_time": 0.5,
+    }  # fmt: skip
+    whole = holonom.compare(model, reference=reference, **asked).rows[0].measure
+    length = reference["spring.length"].copy()
+    length[60:] = np.nan
+    monkeypatch.setitem(reference._kept, "spring.length", length)
+    assert holonom.compare(model, reference=reference, **asked).rows[0].measure == whole
+    length[40] = np.nan
+    with pytest.raises(holonom.UsageError, match="has lost 42 of 101 rows"):
+        holonom.compare(model, reference=reference, **asked)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,7 +25,7 @@ from holonom.cli.arguments import (
 )
 from holonom.cli.terminal import complain, done
 from holonom.cli.words import read_times
-from holonom.options import times_at
+from holonom.options import MOST, require_positive, times_at
 
 if TYPE_CHECKING:
     import numpy as np
@@ -73,7 +74,7 @@ def export(
     if str(target) != "-":  # now, and of the file itself: rows at other times are in memory
         files.require_target(target, format_, inputs=[result], force=force)
     with opened(result, recover=recover) as stored:
-        wanted = _row_times(stored, interval, times)
+        wanted = _row_times(stored, interval, times, start, end)
         loaded = stored if wanted is None else stored.at(wanted, channels)
         rows = _part(loaded.time, start, end)
         if str(target) == "-":
@@ -88,8 +89,17 @@ def export(
     return done("table", target, json_)
 
 
-def _row_times(result: Result, interval: float | None, times: str | None) -> list[float] | None:
-    """Return the times that rows are wanted at; None for those that are stored."""
+def _row_times(
+    result: Result,
+    interval: float | None,
+    times: str | None,
+    start: float | None,
+    end: float | None,
+) -> list[float] | None:
+    """Return the times that rows are wanted at; None for those that are stored.
+
+    Of those at an interval it is those near the part that is written.
+    """
     if interval is not None and times is not None:
         raise UsageError("both `--interval` and `--times` are given", help="leave one of them out")
     if times is not None:
@@ -102,13 +112,22 @@ def _row_times(result: Result, interval: float | None, times: str | None) -> lis
             help="run the model again; `holonom info` says why this run ended",
         )
     first, last = result.span or (float(result.time[0]), float(result.time[-1]))
+    require_positive("--interval", interval)
+    if (last - first) / interval < MOST:  # what is more is refused
+        if start is not None and start > first:
+            first += math.floor((min(start, last) - first) / interval) * interval
+        if end is not None and end < last:
+            intervals = math.ceil((max(end, first) - first) / interval + 1.0)
+            last = min(last, first + intervals * interval)
     return times_at(interval, first, last, name="--interval")
 
 
 def _part(times: NDArray[np.float64], start: float | None, end: float | None) -> slice:
     """Return which rows lie between two times, s."""
-    first = 0 if start is None else int(times.searchsorted(start))
-    beyond = times.size if end is None else int(times.searchsorted(end, side="right"))
+    # A row at 0.1 + 0.2 s is one at 0.3 s.
+    slack = 1e-9 * max(abs(times[0]), abs(times[-1])) if times.size else 0.0
+    first = 0 if start is None else int(times.searchsorted(start - slack))
+    beyond = times.size if end is None else int(times.searchsorted(end + slack, side="right"))
     if times.size and first >= beyond:
         raise UsageError(
             f"no row lies between `--from` and `--to`; they go from {times[0]:g} s to "

@@ -218,8 +218,8 @@ class Model(Compiled):
             Numbers are in the units of the file, not in SI as those of `bodies` are, where it
             states ``units``; a text ``"=2*name"`` is an expression of
             parameters. A repeated item goes by its own name, ``bodies.link_7.mass``, or by
-            that in its pattern, ``patterns.chain.bodies."link_{i}".mass``. A whole item is what
-            is set, and a field takes the place of one that it stands for, as ``force`` of
+            that in its pattern, ``patterns.chain.bodies."link_{i}".mass``. What is set of it
+            is laid over it. A field takes the place of one that it stands for, as ``force`` of
             ``stiffness``.
 
         Raises

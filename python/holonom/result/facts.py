@@ -159,10 +159,13 @@ class Facts:
         """Measured error of every channel, if the run was made with ``certify=True``.
 
         Of a certified result that was continued it is what was measured before, and ``certified``
-        is False: the whole is not. Each of ``meta["parts"]`` has its own.
+        is False: the whole is not. The first of ``meta["parts"]`` has it as it was.
         """
         data = self.meta.get("certification")
-        return None if data is None else Certification.from_json(data)
+        if data is None:
+            return None
+        found, parts = Certification.from_json(data), self.meta.get("parts")
+        return found.continued(parts[0]["until"]) if parts else found
 
     @property
     def options(self) -> dict[str, Any]:

@@ -190,9 +190,10 @@ def _limits(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any
 
 
 def part(meta: Mapping[str, Any], until: float) -> dict[str, Any]:
-    """Return what is kept of the description of a part: how it was run, and how far (s)."""
+    """Return what is kept of the description up to a time (s): how the last part of it was run."""
     keys = ("options", "status", "stop_reason", "statistics", "started", "finished", "holonom")
-    kept = {key: meta[key] for key in (*keys, *_OF_PARTS, "certification") if key in meta}
+    own = () if meta.get("parts") else ("certification",)
+    kept = {key: meta[key] for key in (*keys, *_OF_PARTS, *own) if key in meta}
     return kept | {"until": until}
 
 

@@ -242,8 +242,11 @@ class _Work:
             path="" if given.path is None else str(given.path),
             steps=given.statistics.get("steps"),
         )
-        values = {name: _whole(given, name) for name in self.channels}
-        self.truth = Truth(self.wanted, given.time, values, self.times)
+        there = np.ones(given.time.size, dtype=bool)
+        for name in self.channels:
+            there &= _there(given, name, self.times)
+        values = {name: given.matrix(name)[there] for name in self.channels}
+        self.truth = Truth(self.wanted, given.time[there], values, self.times)
 
     def _keep_common(self, given: Result) -> None:
         """Leave out what the reference has not, or refuse where it was asked for by name."""
@@ -409,18 +412,29 @@ class _Work:
         )
 
 
-def _whole(given: Result, name: str) -> Series:
-    """Return a channel of a reference, shape (n_times, size); refuse one that has lost rows."""
+def _there(given: Result, name: str, times: Series) -> NDArray[np.bool_]:
+    """Return which rows of a channel of a reference are not lost, shape (n_times,).
+
+    Raises
+    ------
+    UsageError
+        If lost ones are needed at these times, s, or the channel is computed from what is lost.
+    """
+    there = np.ones(given.time.size, dtype=bool)
+    first = int(given.time.searchsorted(times[0], side="right")) - 1
+    needed = slice(max(first, 0), int(given.time.searchsorted(times[-1])) + 1)
     stored = given.quantities
     for part in [name] if name in stored else [state for state in STATE if state in stored]:
         rows = given[part].reshape(given.time.size, -1)
-        if (lost := ~np.isfinite(rows).all(axis=1)).any():
+        kept: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
+        if not kept[needed].all() or not (kept.all() or name in stored):
             raise UsageError(
-                f"the reference has lost {lost.sum()} of {lost.size} rows of {quoted(part)}, which "
-                f"{quoted(name)} is taken from, the first at {given.time[lost][0]:g} s",
+                f"the reference has lost {(~kept).sum()} of {kept.size} rows of {quoted(part)}, "
+                f"which {quoted(name)} is taken from, the first at {given.time[~kept][0]:g} s",
                 help="take a copy of it that is whole, or compare other channels",
             )
-    return given.matrix(name)
+        there &= kept
+    return there
 
 
 def _doubtful(rows: list[Row], reference: Reference | None) -> list[str]:

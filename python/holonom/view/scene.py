@@ -187,8 +187,8 @@ class Moments(NamedTuple):
 def moments(result: Result, channel_bytes: int = CHANNEL_BYTES) -> Moments:
     """Return what is looked at: the rows where they are near to each other, else even times.
 
-    Frames are fewer, down to `FRAMES`, where the channels that the run was asked for would not fit
-    into so many bytes.
+    Frames are fewer, down to `FRAMES`, where all channels that the run was asked for fit into so
+    many bytes then.
 
     Raises
     ------
@@ -199,7 +199,8 @@ def moments(result: Result, channel_bytes: int = CHANNEL_BYTES) -> Moments:
     most = max(2, MOST_FRAMES // bodies)
     known = result.model.channels
     asked = sum(known[name].size for name in _asked(result) if name in known)
-    fitting = max(FRAMES, channel_bytes // (_VALUE_BYTES * max(1, asked))) + 1
+    room = channel_bytes // (_VALUE_BYTES * max(1, asked))
+    fitting = room + 1 if room >= FRAMES else most  # fewer frames alone would not make room
     stride = -(-result.time.size // max(2, MOST_READ // bodies))
     rows, span = result.time[:: max(1, stride)], result.span
     if span is None or span[1] <= span[0]:

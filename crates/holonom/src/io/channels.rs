@@ -38,7 +38,7 @@ pub(super) fn unknown_channels(problem: &Problem) -> Vec<Diagnostic> {
                 format!("`{path}` names the channel `{wanted}`, which is not there"),
                 match nearest(whole, known.iter().copied()) {
                     _ if wanted.contains(PATTERN) && pattern(wanted).is_none() => {
-                        "its `[` has no `]`: `[ab]` stands for one of these characters".to_owned()
+                        "its `[` has no `]`, or nothing before it: `[ab]` stands for one of these characters".to_owned()
                     }
                     _ if fits_none(problem, item) => format!("no item has a name like `{item}`"),
                     Some(meant) if errors.len() < ERRORS_WITH_HELP => {

@@ -104,6 +104,7 @@ impl Checker<'_> {
                 }
                 (Shape::Text, Value::Number(_) | Value::Bool(_)) => {
                     let text = match &node.value {
+                        Value::Number(x) if x.abs() < 1e15 => x.to_string(),
                         Value::Number(x) => shown(*x),
                         value => matches!(value, Value::Bool(true)).to_string(),
                     };

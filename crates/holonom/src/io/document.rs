@@ -71,8 +71,7 @@ impl Document {
 
     /// The document with new values, in the units of the file: `forces.front.stiffness[2]`, `parameters.spring`,
     /// `simulation.end_time`. A path that is not written in the file but that the format knows is
-    /// added; what says the same in another way, in its place. An item that is set as a whole is what is set, also
-    /// where a pattern makes it.
+    /// added; what says the same in another way, in its place. What is set of an item that a pattern makes is laid over it.
     ///
     /// # Errors
     /// [`Code::UnknownPath`] with the nearest path, for all paths that lead nowhere.
@@ -101,21 +100,11 @@ impl Document {
     }
 
     /// The merged file as JSON, in its own units and without what is switched off; reading it gives the same
-    /// model. Patterns of which an item was set as a whole are written out.
+    /// model.
     pub fn to_json(&self) -> String {
-        let expanded = self.root.field("patterns").map(|_| self.expanded());
-        let root = match expanded {
-            None => without_disabled(self.root.clone()),
-            Some(expanded) if expanded.replaced => {
-                let mut root = expanded.root;
-                if let Value::Table(file) = &mut root.value {
-                    file.shift_remove("patterns");
-                }
-                root
-            }
-            // An item of a pattern is switched off by what is laid over it, which then has to stay.
-            Some(_) => self.root.clone(),
-        };
+        // An item of a pattern is switched off by what is laid over it, which then has to stay.
+        let root = self.root.clone();
+        let root = if root.field("patterns").is_some() { root } else { without_disabled(root) };
         format!("{:#}\n", root.to_json())
     }
 

@@ -164,9 +164,11 @@ pub(super) fn merge(base: &mut Node, over: Node, shape: Option<&Shape>) {
         names.map(|name| inner(shape?, guide, &Step::Field(name.clone()))).collect();
     let of_fields = shape.is_some_and(|shape| !matches!(fitting(shape, guide), Shape::Map(_)));
     match (&mut base.value, over.value) {
-        (Value::Table(fields), Value::Table(new)) if !retyped && over.span != Span::SET => {
+        (Value::Table(fields), Value::Table(new)) if !retyped => {
             if of_fields {
-                let others = new.keys().flat_map(|name| other_ways(name));
+                // Of fields that are not known nothing is said in their place.
+                let known = new.keys().zip(&shapes).filter(|(_, shape)| shape.is_some());
+                let others = known.flat_map(|(name, _)| other_ways(name));
                 others.for_each(|other| drop(fields.shift_remove(other)));
             }
             for ((name, entry), shape) in new.into_iter().zip(shapes) {
@@ -205,7 +207,12 @@ pub(super) fn without_disabled(mut root: Node) -> Node {
         };
         for (field, _) in INITIAL.iter().filter(|(_, of)| *of == collection) {
             if let Some(stated) = initial.table_mut(field) {
-                stated.retain(|name, _| !removed.contains(name));
+                // What is set from outside is not dropped without a word.
+                let is_set = |node: &Node| {
+                    let inside = node.table().into_iter().flat_map(Table::values);
+                    node.span == Span::SET || inside.map(|e| e.node.span).any(|s| s == Span::SET)
+                };
+                stated.retain(|name, entry| is_set(&entry.node) || !removed.contains(name));
             }
         }
     }

@@ -207,7 +207,7 @@ fn no_value(code: Code, path: &str, steps: &[Step]) -> Diagnostic {
 }
 
 fn empty() -> Node {
-    Node { value: Value::Table(Table::new()), span: Span::WAY }
+    Node { value: Value::Table(Table::new()), span: Span::SET }
 }
 
 /// Names that stand in a table of the file with its patterns written out.

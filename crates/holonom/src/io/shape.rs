@@ -84,26 +84,33 @@ pub(super) struct Variant {
 }
 
 /// Ways to state the same thing, each by some fields of a table.
-const ALTERNATIVES: [&[&[&str]]; 12] = [
+const ALTERNATIVES: [&[&[&str]]; 9] = [
     &[&["point"], &["point_in_body"], &["points_in_body"]],
     &[&["points"], &["points_in_body"]],
     &[&["axis"], &["axis_in_body"], &["axes_in_body"]],
     &[&["axes"], &["axes_in_body"]],
     &[&["euler_parameters"], &["axis_angle"], &["yaw_pitch_roll"], &["euler_angles"]],
     &[&["joint"], &["between"], &["on"]],
-    &[&["joint"], &["point", "points_in_body", "axis", "axes_in_body"]],
     &[&["stiffness"], &["force"], &["torque"]],
-    &[&["stiffness", "rotational_stiffness"], &["stiffness_matrix"]],
-    &[&["damping", "rotational_damping"], &["damping_matrix"]],
     &[&["table"], &["x", "y"]],
-    &[&["fixed_step"], &["max_step", "initial_step"]],
+    &[&["fixed_step"], &["max_step"]],
 ];
 
-/// Fields that say in another way what `field` says.
+/// Fields that say all that others say, which do not say all of theirs.
+const WHOLES: [(&str, &[&str]); 4] = [
+    ("joint", &["point", "points_in_body", "axis", "axes_in_body"]),
+    ("stiffness_matrix", &["stiffness", "rotational_stiffness"]),
+    ("damping_matrix", &["damping", "rotational_damping"]),
+    ("fixed_step", &["initial_step"]),
+];
+
+/// Fields whose place `field` takes: those that say the same in another way.
 pub(super) fn other_ways(field: &str) -> impl Iterator<Item = &'static str> {
     let ways = ALTERNATIVES.iter().filter(move |ways| ways.iter().any(|way| way.contains(&field)));
     let others = ways.flat_map(move |ways| ways.iter().filter(move |way| !way.contains(&field)));
-    others.copied().flatten().copied()
+    let parts =
+        WHOLES.iter().filter(move |(whole, _)| *whole == field).flat_map(|(_, parts)| *parts);
+    others.copied().flatten().chain(parts).copied()
 }
 
 impl Record {

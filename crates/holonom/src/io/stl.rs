@@ -32,13 +32,13 @@ pub(super) fn triangles(bytes: &[u8], most: usize) -> Result<Triangles, String> 
     };
     let corners = if is_binary {
         of_binary(body, most)?
-    } else if begins("solid") {
-        // Names of solids may be in any encoding.
+    } else if begins("solid") && !bytes.contains(&0) {
+        // Names of solids may be in any encoding; zeros are in binary files alone.
         of_text(&String::from_utf8_lossy(bytes), most)?
     } else {
         return Err(match count {
             Some(n) => format!(
-                "it is no STL file: it begins not with `solid`, and a binary one of {n} triangles has {} bytes, this one {}",
+                "it is no STL file: a text begins with `solid` and has no zeros, a binary one of {n} triangles has {} bytes, this one {}",
                 HEADER + 4 + n as usize * TRIANGLE,
                 bytes.len()
             ),
@@ -84,13 +84,15 @@ fn of_binary(body: &[u8], most: usize) -> Result<Vec<[f32; 3]>, String> {
 
 fn of_text(text: &str, most: usize) -> Result<Vec<[f32; 3]>, String> {
     let mut corners = Vec::new();
-    // What follows `solid` and `endsolid` in their lines is a name.
-    let is_name = |line: &&str| {
-        let word = line.split_whitespace().next().unwrap_or_default();
-        ["solid", "endsolid"].iter().any(|start| word.eq_ignore_ascii_case(start))
-    };
-    let lines = text.lines().filter(|line| !is_name(line));
-    let mut words = lines.flat_map(str::split_whitespace);
+    // What follows `solid` and `endsolid` in their lines, up to the first facet, is a name.
+    let mut words = text.split(['\n', '\r']).flat_map(|line| {
+        let mut in_name = false;
+        line.split_whitespace().filter(move |word| {
+            let is = |known: &str| word.eq_ignore_ascii_case(known);
+            in_name = is("solid") || is("endsolid") || (in_name && !is("facet"));
+            !in_name
+        })
+    });
     while let Some(word) = words.next() {
         if !word.eq_ignore_ascii_case("vertex") {
             continue;
@@ -168,6 +170,8 @@ mod tests {
             text(&FACES).into_bytes(),
             text(&FACES).to_uppercase().replace('\n', "\r\n").into_bytes(),
             named("vertex plate, mm").into_bytes(),
+            text(&FACES).replace('\n', "\r").into_bytes(),
+            text(&FACES).replace('\n', " ").into_bytes(),
             [before, latin, after].concat(),
         ] {
             let found = triangles(&bytes, 4).unwrap();
@@ -183,12 +187,13 @@ mod tests {
 
     #[test]
     fn what_is_no_stl_is_refused_with_the_reason() {
-        let whole = binary(&FACES, "");
+        let (whole, named) = (binary(&FACES, ""), binary(&FACES, "solid"));
         let mut infinite = whole.clone();
         infinite[HEADER + 4 + 12..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
         for (bytes, reason) in [
             (&b""[..], "no STL file"),
             (&whole[..whole.len() - 1], "284 bytes, this one 283"),
+            (&named[..named.len() - 1], "284 bytes, this one 283"),
             (&infinite[..], "not finite"),
             (&b"solid\nendsolid"[..], "no triangles"),
             (&b"solid\nvertex 0 0 0"[..], "no whole triangles"),

@@ -16,10 +16,8 @@ pub(super) struct Span {
 }
 
 impl Span {
-    /// Of a value that no file states (`with_values`): it takes the place of all that is there.
+    /// Of a value that no file states (`with_values`).
     pub(super) const SET: Self = Self { file: usize::MAX, start: 0, end: 0 };
-    /// Of a table on the way to such a value: it adds to what is there.
-    pub(super) const WAY: Self = Self { file: usize::MAX, start: 1, end: 1 };
 }
 
 /// A value with its place.

@@ -151,7 +151,7 @@ impl Rules {
 
     pub(super) fn within(&mut self, path: &str, value: f64) {
         if value.abs() > FARTHEST {
-            let message = format!("`{path}` is {} m; expected at most 1e9 m", shown(value));
+            let message = format!("`{path}` is {} m; expected at most 1e9 m in size", shown(value));
             self.refuse(Code::OutOfRange, path, message, "lengths are in metres");
         }
     }
@@ -159,7 +159,7 @@ impl Rules {
     fn near(&mut self, path: &str, what: &str, point: &[f64; 3]) {
         if let Some(&x) = point.iter().find(|x| !(0.0..=FARTHEST).contains(&x.abs())) {
             let message =
-                format!("{what} has the coordinate {} m; expected at most 1e9 m", shown(x));
+                format!("{what} has the coordinate {} m; expected at most 1e9 m in size", shown(x));
             self.refuse(Code::OutOfRange, path, message, "lengths are in metres");
         }
     }

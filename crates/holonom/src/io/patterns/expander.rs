@@ -68,7 +68,6 @@ impl Expander {
                 patterns: Vec::new(),
                 templates: Vec::new(),
                 keys: Vec::new(),
-                replaced: false,
             },
         }
     }
@@ -300,10 +299,6 @@ impl Expander {
                 match made.get_mut(&name) {
                     Some(base) => {
                         base.key = entry.key;
-                        if entry.node.span == Span::SET {
-                            self.out.origins.swap_remove(&join(&place.join("."), &name));
-                            self.out.replaced = true;
-                        }
                         merge(&mut base.node, entry.node, shape);
                     }
                     None => {

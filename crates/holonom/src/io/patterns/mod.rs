@@ -45,8 +45,6 @@ pub(super) struct Expanded {
     templates: Vec<String>,
     /// Names that patterns make where nothing is wrong with them.
     keys: Vec<Key>,
-    /// Whether an item that a pattern makes was set as a whole, which no file with that pattern can say.
-    pub(super) replaced: bool,
 }
 
 /// Names that a pattern makes in a section.
@@ -148,10 +146,8 @@ impl<'a> Exceptions<'a> {
         if self.expanded.origins.contains_key(&path) || !lacks && item.len() < steps.len() {
             return None;
         }
-        let fitting = self.keys.iter().filter(|(parts, key)| {
-            let concerns = lacks || key.made == Made::Broken;
-            key.section == section && concerns && could_be(parts, name)
-        });
+        let fitting =
+            self.keys.iter().filter(|(parts, key)| key.section == section && could_be(parts, name));
         let key = fitting.map(|(_, key)| *key).min_by_key(|key| key.made != Made::Broken)?;
         Some((path, key))
     }

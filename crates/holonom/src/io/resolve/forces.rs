@@ -319,7 +319,7 @@ impl<'a> Context<'a> {
             for (field, value, is_positive) in lengths {
                 let (expected, help) = match value {
                     x if is_positive && x <= 0.0 => ("a positive number", ""),
-                    x if x.abs() > FARTHEST => ("at most 1e9 m", "lengths are in metres"),
+                    x if x.abs() > FARTHEST => ("at most 1e9 m in size", "lengths are in metres"),
                     _ => continue,
                 };
                 let path = format!("roads.{name}.{field}");
