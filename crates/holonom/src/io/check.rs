@@ -20,6 +20,10 @@ use crate::watch::{NAMED, checkpoint};
 pub(super) const COLLECTIONS: [&str; 7] =
     ["bodies", "joints", "forces", "drivers", "tables", "roads", "parameters"];
 
+/// Tables of `initial`, and the collections of the items that they speak of.
+pub(super) const INITIAL: [(&str, &str); 3] =
+    [("bodies", "bodies"), ("joints", "joints"), ("extra_states", "forces")];
+
 /// Checks a whole file; the result has the structure of `schema::ModelFile` when there are no
 /// errors.
 pub(super) fn check_file(root: &Node) -> (Json, Vec<Diagnostic>) {

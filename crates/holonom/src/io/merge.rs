@@ -2,7 +2,7 @@
 
 use indexmap::IndexSet;
 
-use super::check::COLLECTIONS;
+use super::check::{COLLECTIONS, INITIAL};
 use super::limits;
 use super::read::{Syntax, read};
 use super::set::{fitting, inner};
@@ -188,10 +188,6 @@ pub(super) fn merge(base: &mut Node, over: Node, shape: Option<&Shape>) {
     }
     base.span = over.span;
 }
-
-/// Tables of `initial`, and the collections of the items that they speak of.
-const INITIAL: [(&str, &str); 3] =
-    [("bodies", "bodies"), ("joints", "joints"), ("extra_states", "forces")];
 
 /// Removes the items with `enabled = false`, and what is stated of their start.
 pub(super) fn without_disabled(mut root: Node) -> Node {

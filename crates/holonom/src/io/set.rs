@@ -2,14 +2,11 @@
 
 use indexmap::IndexSet;
 
-use super::check::{COLLECTIONS, kind_fits};
+use super::check::{COLLECTIONS, INITIAL, kind_fits};
 use super::names::suggestion;
 use super::shape::{Shape, Tagged, model_shape, other_ways};
 use super::tree::{Entry, Node, Span, Step, Table, Value, join, node_at, parse_path, path_of};
 use crate::error::{Code, Diagnostic};
-
-/// Tables whose names are those of items defined elsewhere.
-const INITIAL: [&str; 3] = ["initial.bodies", "initial.joints", "initial.extra_states"];
 
 /// Removes what says in another way what is set at `path`.
 pub(super) fn make_way(root: &mut Node, path: &str) {
@@ -67,12 +64,8 @@ pub(super) fn set(
     // Names that `initial` may speak of although it does not yet.
     let spoken_of = match &steps[..] {
         [Step::Field(initial), Step::Field(of), Step::Field(name), ..] if initial == "initial" => {
-            match of.as_str() {
-                "bodies" => Some(("bodies", name)),
-                "joints" => Some(("joints", name)),
-                "extra_states" => Some(("forces", name)),
-                _ => None,
-            }
+            let table = INITIAL.iter().find(|(table, _)| table == of);
+            table.map(|(_, collection)| (*collection, name))
         }
         _ => None,
     };
@@ -104,7 +97,8 @@ pub(super) fn set(
     for step in &steps {
         let kind = node.kind();
         let guide = seen.filter(|_| node.field("type").is_none()).unwrap_or(node);
-        let of_names = INITIAL.contains(&walked.as_str());
+        // Tables whose names are those of items defined elsewhere.
+        let of_names = INITIAL.iter().any(|(table, _)| walked == join("initial", table));
         let of_branches = !of_bushing.is_empty() && walked == of_bushing;
         let known = match (of_names, of_branches) {
             (true, _) => Vec::new(),
