@@ -368,6 +368,7 @@ def test_a_second_run_that_fails_leaves_the_result_not_certified() -> None:
     found = certification(result)
     assert not found.certified
     assert found.reason["code"] == "simulation/max-steps"
+    assert "max_steps" in found.reason["help"]  # of that run, beside what the warning advises
     assert found.reason["time"] < 10.0
     assert found.until is not None
     assert 0.0 < found.until <= found.reason["time"]

@@ -313,6 +313,22 @@ def test_limits_and_times_of_a_result_in_parts_are_those_of_the_whole(
         assert {key: limits[key] for key in many} == {"coordinate": "b", "steps": 5, "of": 12}
 
 
+def test_fixed_steps_of_one_part_are_not_told_of_all(
+    pendulum: Path, older: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["run", str(pendulum), "-o", str(older)]
+    assert invoke(line) == 0
+    capsys.readouterr()
+    line += ["--start", str(older), "--fixed-step", "0.01", "--end-time"]
+    for end in ("1.5", "2"):  # the first part remains one of other steps
+        assert invoke([*line, end]) == 0
+        out = capsys.readouterr().out
+        assert "`fixed_step`, which not all parts have alike" in out
+        assert "every step has" not in out
+    assert invoke(["run", str(pendulum), "-o", str(older), "--force", *line[-3:-1]]) == 0
+    assert "`fixed_step`: every step has 0.01 s" in capsys.readouterr().out
+
+
 def test_a_certified_result_that_was_continued_is_certified_in_part(
     pendulum: Path, older: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
