@@ -21,6 +21,8 @@ struct ChartText {
     /// Missing in results of before.
     #[serde(default)]
     own_axes: bool,
+    #[serde(default)]
+    in_second_axes: Vec<usize>,
     independent: Option<Vec<usize>>,
     tree: Option<TreeText>,
     forest: ForestText,
@@ -104,6 +106,7 @@ fn encode(chart: &ChartRecord) -> (String, Vec<f64>) {
         dropped: p.dropped.clone(),
         follows: chart.follows,
         own_axes: chart.own_axes,
+        in_second_axes: chart.in_second_axes.clone(),
         independent,
         tree,
         forest: ForestText {
@@ -160,6 +163,7 @@ fn decode(t: f64, text: &str, numbers: &[f64], n: usize) -> Option<ChartRecord> 
         },
         follows: text.follows,
         own_axes: text.own_axes,
+        in_second_axes: text.in_second_axes,
     })
 }
 

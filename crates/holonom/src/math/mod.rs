@@ -2,6 +2,7 @@
 //! time and tables.
 
 mod interpolation;
+pub mod matrix;
 pub mod planar;
 mod real;
 mod solids;

@@ -106,15 +106,19 @@ impl Model {
 
     /// Distance of the points of two frames in the design configuration, m.
     pub fn design_distance(&self, frames: &[Frame; 2]) -> f64 {
-        let [first, second] = frames.each_ref().map(|frame| {
-            let origin = frame.body.map_or([0.0; 3], |b| self.bodies[b].position);
-            vector::sum(&origin, &self.design_turned(frame.body, frame.point))
-        });
+        let [first, second] =
+            frames.each_ref().map(|frame| self.design_place(frame.body, frame.point));
         vector::difference(&second, &first).iter().map(|x| x * x).sum::<f64>().sqrt()
     }
 
+    /// A point in the axes of a body, from its origin, in the design configuration, ground axes.
+    pub(crate) fn design_place(&self, body: BodyIndex, point: [f64; 3]) -> [f64; 3] {
+        let origin = body.map_or([0.0; 3], |b| self.bodies[b].position);
+        vector::sum(&origin, &self.design_turned(body, point))
+    }
+
     /// A vector in the axes of a body in the design configuration, in ground axes.
-    fn design_turned(&self, body: BodyIndex, a: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn design_turned(&self, body: BodyIndex, a: [f64; 3]) -> [f64; 3] {
         match body.map(|b| self.bodies[b].orientation) {
             Some(Orientation::EulerParameters(p)) => spatial::rotate(&p, &a),
             Some(Orientation::Angle(angle)) => {

@@ -1,6 +1,7 @@
 //! Matrices that turn along with bodies. Equations: `docs/theory/newton.md`, "Bodies that turn".
 
-use crate::math::spatial::{cross, g_transposed_times, rotation_matrix};
+use crate::math::matrix::{Matrix3, inverse, times};
+use crate::math::spatial::{g_transposed_times, rotation_matrix};
 use crate::math::vector::{difference, dot, sum};
 use crate::reduction::{Manifold, Source};
 use crate::system::{EdgeScrews, EdgeSource, RelativeKind};
@@ -9,7 +10,6 @@ use crate::system::{EdgeScrews, EdgeSource, RelativeKind};
 const STAGES: usize = 3;
 
 type Vector3 = [f64; 3];
-type Matrix3 = [Vector3; 3];
 
 /// Bodies that turn freely among the independent variables, how they stood at the linearization, and how they stand at
 /// each stage.
@@ -109,7 +109,7 @@ impl Alignment {
                 });
                 let own: Vec<_> = own.collect();
                 column += info.rows;
-                // What a bushing holds turns little, and is stiff along axes of the inner body; a spring holds no rotation.
+                // What a bushing holds turns little, and is stiff along axes of its variables; a spring holds no rotation.
                 let held = matches!(edge.source, EdgeSource::Force(_)) && edge.form_count() == 1;
                 if !held && info.kind == RelativeKind::Rotation && own.len() == 3 {
                     let side = usize::from(info.bodies[1] == Some(edge.body));
@@ -225,16 +225,6 @@ fn vector(x: &[f64], first: usize) -> Vector3 {
     [x[first], x[first + 1], x[first + 2]]
 }
 
-fn times(a: &Matrix3, x: &Vector3) -> Vector3 {
-    a.each_ref().map(|row| dot(row, x))
-}
-
 fn times_transposed(a: &Matrix3, x: &Vector3) -> Vector3 {
     std::array::from_fn(|j| a[0][j] * x[0] + a[1][j] * x[1] + a[2][j] * x[2])
-}
-
-fn inverse(a: &Matrix3) -> Matrix3 {
-    let rows = [cross(&a[1], &a[2]), cross(&a[2], &a[0]), cross(&a[0], &a[1])];
-    let over = dot(&a[0], &rows[0]).recip();
-    std::array::from_fn(|i| std::array::from_fn(|j| rows[j][i] * over))
 }

@@ -163,7 +163,8 @@ impl Chart {
         Self::new(system, parametrization, q, g, &self.nonzero)
     }
 
-    /// A copy with this chart's pattern, scales and pivots for other numbers of the same structure;
+    /// A copy with this chart's pattern, scales and pivots for other numbers of the same structure, with the same bodies of
+    /// relative coordinates in the same order;
     /// `None` if the parametrization is another one.
     ///
     /// # Errors

@@ -119,9 +119,9 @@ impl Checkpoint {
     }
 }
 
-/// A checkpoint of another model or code.
+/// A checkpoint of another model, code or version.
 pub(super) fn foreign() -> RunError {
-    RunError::Checkpoint { reason: "it is not one of this model and method".to_owned() }
+    RunError::Checkpoint { reason: "it is not one of this model, method and version".to_owned() }
 }
 
 /// Infinity as null.

@@ -41,6 +41,9 @@ pub struct ChartRecord {
     /// Whether rotations of bushings are along their own axes, as they are now.
     #[serde(default)]
     pub own_axes: bool,
+    /// Bushings whose deformations are measured along axes of their second body; none in records of before.
+    #[serde(default)]
+    pub in_second_axes: Vec<usize>,
 }
 
 impl ChartRecord {
@@ -48,7 +51,7 @@ impl ChartRecord {
     pub(super) fn fits(&self, system: &dyn System) -> bool {
         let sizes = system.structure().sizes;
         let p = &self.parametrization;
-        let fits = match &p.projection {
+        let projected = match &p.projection {
             Projection::Selection(independent) => {
                 independent.len() == p.ndof && independent.iter().all(|&i| i < sizes.coordinates)
             }
@@ -57,12 +60,18 @@ impl ChartRecord {
                 relatives.fits(p.ndof, sizes.rows, system.tree(), system.relative_groups())
             }
         };
-        let groups = system.relative_groups();
-        let meant = self.own_axes || !groups.iter().any(|group| group.has_own_axes);
-        fits && meant
+        projected
+            && self.has_axes_of(system)
             && self.q.len() == sizes.coordinates
             && p.kept.len() + p.ndof == sizes.coordinates
             && p.kept.iter().chain(&p.dropped).all(|&row| row < sizes.rows)
+    }
+
+    /// Whether deformations of bushings, where they are variables, are along the axes that the system measures them along.
+    pub(super) fn has_axes_of(&self, system: &dyn System) -> bool {
+        let own = || system.relative_groups().iter().any(|group| group.has_own_axes);
+        self.parametrization.relatives().is_none()
+            || (self.in_second_axes == system.tree().in_second_axes && (self.own_axes || !own()))
     }
 
     /// Groups of directions whose normals stand in the segments.

@@ -129,6 +129,8 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
         constraints.iter().map(|c| c.turns.as_ref().map(|t| t.index)).collect();
     let known = forest.or(base.map(|b| &b.tree.forest));
     let mut built = forest::build::<S, D, N, W>(model, center, &rows, &joint_windings, known);
+    // Rows of P have the places of the body that carries the axes first.
+    let base = base.filter(|b| b.tree.in_second_axes == built.tree.in_second_axes);
     let (structure, slots) = match base {
         Some(base) => (base.structure.clone(), base.slots.clone()),
         None => {

@@ -1,6 +1,7 @@
 //! The relative coordinates of a system: those of the edges of its spanning forest, and the deformations
 //! of its force elements.
 
+use super::bushing_axes::in_second_axes;
 use super::space::Space;
 use super::turns::{Along, along};
 use crate::elements::kinematics::Between;
@@ -17,7 +18,7 @@ use std::ops::Range;
 pub struct RelativeGroup {
     /// Name of the joint, force or body they belong to.
     pub name: String,
-    /// First and second body.
+    /// First and second body; of a bushing's deformations, the one first that carries their axes.
     pub bodies: [Option<usize>; 2],
     /// What they are.
     pub kind: RelativeKind,
@@ -86,7 +87,7 @@ pub struct ElasticLoop {
     pub force: usize,
     /// Groups of its deformations.
     pub groups: Vec<usize>,
-    /// Its bodies.
+    /// Its bodies; of a bushing, the one first that carries the axes.
     pub ends: [Option<usize>; 2],
     /// Whether it is an edge of the forest itself.
     pub is_edge: bool,
@@ -116,6 +117,8 @@ pub struct Tree {
     /// Force elements that can be edges: numbers of a model decide which, and a forest serves another model only if they are
     /// the same.
     pub offered: Vec<usize>,
+    /// Bushings, by their places in the model, whose deformations are measured along axes of the second body.
+    pub in_second_axes: Vec<usize>,
     /// Bodies of angles whose turns no edge of the forest tells.
     pub untold_turns: Vec<[Option<usize>; 2]>,
     /// Bodies of joints in loops that count turns.
@@ -281,6 +284,14 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
         let masses: Vec<f64> = model.bodies.iter().map(|b| b.mass).collect();
         Forest::new(&masses, &graph_edges)
     });
+    let depth = |body: BodyIndex| body.map_or(0, |b| forest.depth[b]);
+    let in_second = in_second_axes(model, depth);
+    // The body that carries the axes comes first.
+    let measured_frames = |force: usize| {
+        let frames = frames_of(&model.forces[force]);
+        frames
+            .map(|[first, second]| if in_second[force] { [second, first] } else { [first, second] })
+    };
     let mut groups = Vec::new();
     let mut relatives = Vec::new();
     let mut add = |name: &str, bodies: [Option<usize>; 2], element: S::Relative| {
@@ -310,7 +321,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
             }
             EdgeSource::Force(k) => {
                 let force = &model.forces[k];
-                let frames = frames_of(force).expect("an edge has frames");
+                let frames = measured_frames(k).expect("an edge has frames");
                 let ends = frames.map(|f| f.body);
                 let centers = ends.map(&center);
                 let forms = if let ForceKind::Bushing { .. } = force.kind {
@@ -403,7 +414,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
     let mut elastic = Vec::new();
     for (k, force) in model.forces.iter().enumerate() {
         checkpoint(NAMED);
-        let Some(frames) = frames_of(force) else { continue };
+        let Some(frames) = measured_frames(k) else { continue };
         let ends = frames.map(|f| f.body);
         let centers = ends.map(&center);
         let edge = edge_of_force[k].map(|at: usize| &edges[at]);
@@ -456,7 +467,17 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
     let is_in_loop = within_loops(&edges, &edge_of_body, &closures[..closed_by_joints]);
     let in_loops = edges.iter().zip(is_in_loop).filter(|(edge, is_in)| *is_in && turns(edge));
     let turns_in_loops = in_loops.map(|(edge, _)| [edge.parent, Some(edge.body)]).collect();
-    let tree = Tree { forest, edges, closures, elastic, offered, untold_turns, turns_in_loops };
+    let in_second_axes = (0..in_second.len()).filter(|&k| in_second[k]).collect();
+    let tree = Tree {
+        forest,
+        edges,
+        closures,
+        elastic,
+        offered,
+        in_second_axes,
+        untold_turns,
+        turns_in_loops,
+    };
     groups.shrink_to_fit();
     relatives.shrink_to_fit();
     Built { tree, groups, relatives, edges: placed }
@@ -532,7 +553,8 @@ pub(super) enum ResistanceLaw {
     Line(ElasticLaw, f64, f64),
     Angle(ElasticLaw, f64, f64),
     Series(f64, f64, f64),
-    /// Stiffness and damping of itself and of its branches, in each direction.
+    /// Stiffness and damping of itself and of its branches, in each direction of its own axes, as they stand in the design
+    /// configuration: where deformations turn against these, the law is nearly the same in all.
     Bushing([f64; 6], [f64; 6], Vec<[[f64; 2]; 6]>),
 }
 

@@ -4,6 +4,7 @@
 //! Φ, G, ν, τ, M, Q and the derivative blocks of F = M q̈ + Gᵀλ − Q. It never changes while it
 //! runs; all buffers belong to the caller.
 
+mod bushing_axes;
 mod cartesian;
 mod cartesian_bodies;
 mod cartesian_derivatives;

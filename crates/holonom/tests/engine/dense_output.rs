@@ -500,6 +500,23 @@ fn steps_whose_rotations_were_along_other_axes_are_refused() {
     }
 }
 
+#[test] // independent truth: the axes of which body a swinging arm's bushing was measured along
+fn steps_whose_bushings_were_along_axes_of_the_other_body_are_refused() {
+    for (between, refused) in [(["ground", "b"], true), (["b", "ground"], false)] {
+        let model = model_of(&format!(
+            "holonom = 1\ndimension = \"spatial\"\n[bodies]\nb = {{ mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], \
+             [0.0, 0.0, 0.1]], position = [0.3, 0.0, 0.0] }}\n[forces]\nm = {{ type = \"bushing\", between = {between:?}, \
+             point = [0.0, 0.0, 0.0], stiffness = [1e4, 1e4, 1e4] }}\n"
+        ));
+        let problem = Problem::new(model.clone());
+        let outcome = run_model(&model, &with(DEFAULT_CODE, ParametrizationKind::Tree, 1e-4, 0.2));
+        let mut segments = outcome.rows.all.dense;
+        assert!(DenseOutput::new(&problem, segments.clone()).is_ok(), "{between:?}");
+        segments.charts.iter_mut().for_each(|chart| chart.in_second_axes.clear());
+        assert_eq!(DenseOutput::new(&problem, segments).is_err(), refused, "{between:?}");
+    }
+}
+
 #[test] // independent truth: two links thrown as one body turn as one, at 1 rad/s
 fn rows_of_explicit_codes_are_right_where_something_stiff_is_at_rest() {
     let pair = |damping: f64, inertia: f64| {

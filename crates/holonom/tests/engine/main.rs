@@ -11,6 +11,7 @@ mod amplified_errors;
 mod architecture;
 mod assembly;
 mod broken_models;
+mod bushing_axes;
 mod carried_masses;
 mod check_run;
 mod checkpoints;

@@ -166,6 +166,7 @@ impl Run<'_> {
             parametrization: self.form.point().manifold.chart().parametrization().clone(),
             follows: !self.stepper.multistep(),
             own_axes: true,
+            in_second_axes: self.system.tree().in_second_axes.clone(),
         }
     }
 
